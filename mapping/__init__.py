@@ -1,0 +1,1 @@
+"""The belief: a sequential Bayesian Hilbert map, and the metrics of a map."""

@@ -1,0 +1,1 @@
+"""Where to sense next: the workspace of poses, acquisition functions, planners."""

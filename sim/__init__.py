@@ -1,0 +1,1 @@
+"""The simulation: the world in MuJoCo, and the programs that people run."""

@@ -1,0 +1,1 @@
+"""What exists: anatomy, scene, arm, kinematics, probe, rendering."""

@@ -1,0 +1,75 @@
+"""OpenGL without a display: finding a backend when the first picture is wanted, never before.
+
+Physics, rays and IK need no OpenGL, so nothing here runs at import, and a missing library is an error that names the
+package to install.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+
+from .errors import WorldError
+
+BACKENDS = ("egl", "osmesa", "glfw")
+"""The order in which backends are tried when none is asked for: GPU or llvmpipe, software, a window system."""
+GL_VARIABLE = "SOUNDING_GL"
+"""Environment variable that names the one backend to use; MUJOCO_GL counts too."""
+REMEDY = (
+    "On Debian or Ubuntu: apt-get install libegl1 libgl1 (or libosmesa6, then SOUNDING_GL=osmesa). "
+    "Without pictures everything else works: --frames none."
+)
+
+
+class RenderingError(WorldError):
+    """No picture can be drawn on this machine as it is."""
+
+
+def adopt_mujoco_gl() -> None:
+    """Move MUJOCO_GL to SOUNDING_GL, to be called before mujoco is imported.
+
+    With MUJOCO_GL=egl and no EGL library, `import mujoco` itself would die.
+    """
+    asked = os.environ.pop("MUJOCO_GL", "").strip().lower()
+    if asked in BACKENDS:
+        os.environ.setdefault(GL_VARIABLE, asked)
+
+
+def install_backend() -> str:
+    """Give mujoco's renderer the first backend that works; returns its name.
+
+    Raises:
+        RenderingError: None works; the text lists each failure and the packages to install.
+    """
+    from mujoco.rendering.classic import gl_context
+
+    asked = os.environ.get(GL_VARIABLE, os.environ.get("MUJOCO_GL", "")).strip().lower()
+    if asked and asked not in BACKENDS:
+        raise RenderingError(f"{GL_VARIABLE}={asked}: choose one of {', '.join(BACKENDS)}.")
+    failures: list[str] = []
+    for backend in [asked] if asked else BACKENDS:
+        try:
+            context_class = _context_class(backend)
+            context = context_class(8, 8)
+            context.make_current()
+            context.free()
+        except Exception as error:  # noqa: BLE001 - each library fails in a way of its own
+            failures.append(f"{backend}: {type(error).__name__}: {str(error).strip()[:120]}")
+            continue
+        gl_context.GLContext = context_class
+        return backend
+    raise RenderingError(f"No OpenGL backend works ({'; '.join(failures)}). {REMEDY}")
+
+
+def _context_class(backend: str) -> type:
+    """MuJoCo's context class of a backend; a failed import leaves no half-loaded module behind."""
+    variable, before = "PYOPENGL_PLATFORM", os.environ.get("PYOPENGL_PLATFORM")
+    if backend in ("egl", "osmesa"):
+        os.environ[variable] = backend
+    try:
+        return importlib.import_module(f"mujoco.{backend}").GLContext
+    finally:
+        if before is None:
+            os.environ.pop(variable, None)
+        else:
+            os.environ[variable] = before

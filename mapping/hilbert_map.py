@@ -1,0 +1,147 @@
+"""The sequential Bayesian Hilbert map (section IV-B of the paper): readings in, probability of occupancy out.
+
+    P(y = 1 | x, w) = sigma(f(x)),   f(x) = b(x) + phi(x) . w,   w ~ N(mu, Sigma)
+
+The offset b(x) makes the prior expect `prior_prevalence` at every point; with the paper's 1/2 it is zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .belief import Belief, Moments, UpdateReport
+from .diagonal import DiagonalBelief
+from .full import FullBelief
+from .kernel import HingeFeatures
+from .lattice import Lattice, check_points
+from .likelihood import prior_offset
+from .prediction import Prediction
+from .settings import MapSettings
+
+
+class HilbertMap:
+    """Belief over where an organ is occupied by tumour; `update` changes it in place."""
+
+    def __init__(
+        self,
+        hinges: Lattice,
+        settings: MapSettings | None = None,
+        *,
+        query: Lattice | None = None,
+        query_mask: ArrayLike | None = None,
+        hinge_mask: ArrayLike | None = None,
+    ) -> None:
+        """Makes the prior belief.
+
+        Args:
+            hinges: Centres of the features, one weight each.
+            settings: What the map assumes; the defaults if None.
+            query: Lattice on which `predict_lattice` answers; its moments are carried along.
+            query_mask: Which points of `query` are asked for, shape (query.n_points,); all if None.
+            hinge_mask: Which hinges are kept, shape (hinges.n_points,); all if None. Keep every hinge
+                within four spacings of the organ, since the prior takes the others for present.
+
+        Raises:
+            ValueError: If a mask does not fit its lattice, keeps nothing, or masks a query that is not there.
+        """
+        self.hinges = hinges
+        self.settings = settings if settings is not None else MapSettings()
+        self.query = query
+        self._query_mask = _check_query_mask(query, query_mask)
+        hinge_mask = None if hinge_mask is None else np.asarray(hinge_mask, dtype=bool)
+        self._features = HingeFeatures.build(hinges, self.settings.gamma_per_m2, hinge_mask)
+        prior = self._prior_on_lattice()
+        self._lattice_offset = prior_offset(self.settings.prior_prevalence, prior.variance)
+        self._belief = self._make_belief(prior)
+
+    @property
+    def n_weights(self) -> int:
+        """Number of hinges that are kept, M."""
+        return self._features.n_weights
+
+    @property
+    def belief(self) -> Belief:
+        """The belief over the weights."""
+        return self._belief
+
+    def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> UpdateReport:
+        """Takes in a reading: learns from labelled points.
+
+        Args:
+            points_m: Sensed points [m], shape (n, 3); n may be 0.
+            is_occupied: Their labels, shape (n,), True (1) for tumour.
+
+        Raises:
+            ValueError: If shapes differ, a point is not finite, or a label is neither 0 nor 1.
+        """
+        points = check_points(points_m)
+        labels = _check_labels(is_occupied, len(points))
+        if len(points) == 0:
+            return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0)
+        return self._belief.learn(points, self._offset(points), labels)
+
+    def predict(self, points_m: ArrayLike) -> Prediction:
+        """Returns the belief at any points [m], shape (N, 3)."""
+        points = check_points(points_m)
+        if len(points) == 0:
+            return Prediction(np.zeros(0), np.zeros(0))
+        mean, variance = self._belief.moments(points)
+        return Prediction(self._offset(points) + mean, variance)
+
+    def predict_lattice(self) -> Prediction:
+        """Returns the belief at the points of the query lattice that its mask keeps, in C order.
+
+        Raises:
+            ValueError: If the map was made without a query lattice.
+        """
+        mean, variance = self._belief.lattice_moments()
+        mean = self._lattice_offset + mean
+        if self._query_mask is None:
+            return Prediction(mean, variance)
+        return Prediction(mean[self._query_mask], variance[self._query_mask])
+
+    def query_points_m(self) -> NDArray[np.float64]:
+        """Returns the points [m] that `predict_lattice` answers for, shape (N, 3)."""
+        if self.query is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        points = self.query.points_m()
+        return points if self._query_mask is None else points[self._query_mask]
+
+    def _offset(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.along_axes(points_m))
+        return prior_offset(self.settings.prior_prevalence, self.settings.weight_variance * x * y * z)
+
+    def _prior_on_lattice(self) -> Moments:
+        if self.query is None:
+            return Moments(np.zeros(0), np.zeros(0))
+        x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(self.query))
+        variance = self.settings.weight_variance * (x[:, None, None] * y[:, None] * z).ravel()
+        return Moments(np.zeros_like(variance), variance)
+
+    def _make_belief(self, prior: Moments) -> Belief:
+        if self.settings.form == "diagonal":
+            return DiagonalBelief(self._features, self.settings, self.query)
+        return FullBelief(self._features, self.settings, self.query, prior)
+
+
+def _check_query_mask(query: Lattice | None, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
+    if mask is None:
+        return None
+    if query is None:
+        raise ValueError("query_mask needs the query lattice that it masks; pass query=Lattice(...) too")
+    keep = np.array(mask, dtype=bool)
+    if keep.shape != (query.n_points,) or not keep.any():
+        raise ValueError(f"query_mask must keep some of {query.n_points} points; it has shape {keep.shape}")
+    return keep
+
+
+def _check_labels(is_occupied: ArrayLike, n_points: int) -> NDArray[np.float64]:
+    labels = np.asarray(is_occupied, dtype=np.float64)
+    if labels.shape != (n_points,):
+        raise ValueError(
+            f"is_occupied must hold one label for each of {n_points} points, not shape {labels.shape}"
+        )
+    if not np.all((labels == 0) | (labels == 1)):
+        raise ValueError("is_occupied must hold only False and True (or 0 and 1)")
+    return labels

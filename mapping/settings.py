@@ -1,0 +1,57 @@
+"""Settings of a Hilbert map: pure data, in SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Form = Literal["full", "diagonal"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapSettings:
+    """What a Hilbert map assumes before it has seen anything, and how exactly it computes."""
+
+    hinge_spacing_m: float = 0.01125
+    """Distance between neighbouring hinges [m]; the paper's 0.375 units of 30 mm."""
+    gamma_per_m2: float = 5 / 0.03**2
+    """gamma of the kernel exp(-gamma |x - h|^2) [1/m^2]; the paper's 5 per squared unit of 30 mm."""
+    prior_prevalence: float = 0.05
+    """Share of the organ that is expected to be tumour before any reading; 0.5 is the paper's."""
+    weight_variance: float = 4.0
+    """Prior variance of each weight; with it the latent's standard deviation is about 1.85
+    sqrt(weight_variance).
+    """
+    n_em_iterations: int = 3
+    """Rounds of the variational bound within one reading."""
+    form: Form = "full"
+    """`full` keeps the covariance of the weights; `diagonal` their variances alone, which double-counts
+    points.
+    """
+    tolerance: float = 1e-6
+    """Size of what the computation may leave out: smaller is slower and closer, 0 is exact to rounding."""
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        _check_positive("hinge_spacing_m", self.hinge_spacing_m)
+        _check_positive("gamma_per_m2", self.gamma_per_m2)
+        _check_positive("weight_variance", self.weight_variance)
+        if not 0 < self.prior_prevalence < 1:
+            raise ValueError(
+                f"prior_prevalence must lie between 0 and 1, both excluded, not {self.prior_prevalence}"
+            )
+        if not (isinstance(self.n_em_iterations, int) and self.n_em_iterations >= 1):
+            raise ValueError(
+                f"n_em_iterations must be a whole number of at least 1, not {self.n_em_iterations}"
+            )
+        if self.form not in ("full", "diagonal"):
+            raise ValueError(f"form must be 'full' or 'diagonal', not {self.form!r}")
+        if not 0 <= self.tolerance <= 0.1:
+            raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {self.tolerance}")
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not (np.isfinite(value) and value > 0):
+        raise ValueError(f"{name} must be positive, not {value}")

@@ -19,7 +19,9 @@ from .scene import Scene
 FACE_RADIUS_M = 0.008
 """The probe's face: the part of the probe that is meant to touch the organ."""
 ARM_MARGIN_M = 0.003
-"""Room kept between the organ and all but the probe's face; covers the grid's interpolation error."""
+"""Room kept between the organ and the arm; covers the grid's interpolation error and the spheres' gaps."""
+PROBE_MARGIN_M = 0.0
+"""The probe's flanks may come as close as they like, but not under the surface."""
 SURFACE_SPACING_M = 0.004
 """Spacing of the points that stand for a probe geom's surface."""
 MAX_MESH_POINTS = 200
@@ -46,13 +48,18 @@ class Clearance:
 
     def __init__(self, scene: Scene, organ_distance: DistanceGrid) -> None:
         """Cover the scene's arm and probe geoms with spheres; `organ_distance` is the organ's distance grid."""
-        self._model = scene.model
+        model = scene.model
+        self._model = model
         self._grid = organ_distance
-        tip_id = scene.model.site(scene.tip_site).id
-        covers = [_cover(scene.model, geom, tip_id) for geom in sorted(scene.arm_geoms)]
-        self._geom = np.concatenate([np.full(len(points_m), geom) for geom, points_m, _ in covers])
-        self._points_geom_m = np.vstack([points_m for _, points_m, _ in covers])
-        self._radius_m = np.concatenate([radius_m for *_, radius_m in covers])
+        self._tip_id = model.site(scene.tip_site).id
+        self._geoms = np.array(sorted(scene.arm_geoms), dtype=np.int64)
+        covers = [_cover(model, int(geom), self._tip_id) for geom in self._geoms]
+        self._covers = dict(zip(self._geoms.tolist(), covers, strict=True))
+        is_probe = model.geom_bodyid[self._geoms] == model.site_bodyid[self._tip_id]
+        self._margin_m = np.where(is_probe, PROBE_MARGIN_M, ARM_MARGIN_M)
+        # The spheres are centred in the geom's frame; how far they reach from its origin bounds each geom.
+        self._bound_m = np.array([np.max(np.linalg.norm(at, axis=1) + radius_m) for at, radius_m in covers])
+        self._probe_points_m, self._probe_geom = _in_tip_frame(model, self._geoms[is_probe], self._covers, self._tip_id)
 
     def collision(self, data: mujoco.MjData) -> Collision | None:
         """The worst forbidden contact of a state, or None when it is free.
@@ -61,41 +68,75 @@ class Clearance:
             data: A state whose kinematics are up to date; its contacts are computed here.
         """
         mujoco.mj_collision(self._model, data)
-        worst = min(data.contact[: data.ncon], key=lambda contact: contact.dist, default=None)
-        if worst is not None and worst.dist < 0.0:
-            return Collision((self._name(worst.geom1), self._name(worst.geom2)), float(worst.dist))
-        distance_m, index = self.organ_distance(data)
-        if distance_m < ARM_MARGIN_M:
-            return Collision((self._name(int(self._geom[index])), "organ"), distance_m)
+        if data.ncon:
+            worst = min(data.contact[: data.ncon], key=lambda contact: contact.dist)
+            if worst.dist < 0.0:
+                return Collision((self._name(worst.geom1), self._name(worst.geom2)), float(worst.dist))
+        near_m = self._grid.distance_m(data.geom_xpos[self._geoms]) - self._bound_m
+        for index in np.flatnonzero(near_m < self._margin_m):
+            geom = int(self._geoms[index])
+            at, radius_m = self._covers[geom]
+            points_m = data.geom_xpos[geom] + at @ data.geom_xmat[geom].reshape(3, 3).T
+            distance_m = float(np.min(self._grid.distance_m(points_m) - radius_m))
+            if distance_m < self._margin_m[index]:
+                return Collision((self._name(geom), "organ"), distance_m)
         return None
 
-    def organ_distance(self, data: mujoco.MjData) -> tuple[float, int]:
-        """Smallest distance [m] of arm and probe (but for its face) to the organ, and the cover's index."""
-        R = data.geom_xmat.reshape(-1, 3, 3)[self._geom]
-        points_m = data.geom_xpos[self._geom] + np.einsum("nij,nj->ni", R, self._points_geom_m)
-        distance_m = self._grid.distance_m(points_m) - self._radius_m
+    def probe_collision(self, T_world_probe: NDArray[np.float64]) -> Collision | None:
+        """Whether the probe alone, with its tip at this frame, would enter the organ.
+
+        No configuration of the arm can mend such a pose but by rolling, and the embedded probe is round.
+
+        Args:
+            T_world_probe: Frame of the tip, shape (4, 4).
+        """
+        points_m = self._probe_points_m @ T_world_probe[:3, :3].T + T_world_probe[:3, 3]
+        distance_m = self._grid.distance_m(points_m)
         index = int(np.argmin(distance_m))
-        return float(distance_m[index]), index
+        if distance_m[index] >= PROBE_MARGIN_M:
+            return None
+        return Collision((self._name(int(self._probe_geom[index])), "organ"), float(distance_m[index]))
 
     def _name(self, geom: int) -> str:
         body = self._model.body(self._model.geom_bodyid[geom]).name
         return self._model.geom(geom).name or body
 
 
+def _in_tip_frame(
+    model: mujoco.MjModel,
+    geoms: NDArray[np.int64],
+    covers: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]],
+    tip_id: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The probe's cover points in the tip's frame (N, 3) [m], and their geoms (N,)."""
+    R_body_tip = _rotation(model.site_quat[tip_id])
+    parts = []
+    for geom in geoms:
+        in_body_m = covers[int(geom)][0] @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
+        parts.append((in_body_m - model.site_pos[tip_id]) @ R_body_tip)
+    owner = np.repeat(geoms, [len(part) for part in parts])
+    return np.vstack(parts), owner
+
+
+def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation matrix of a wxyz quaternion, shape (3, 3)."""
+    matrix = np.empty(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)
+
+
 def _cover(
     model: mujoco.MjModel, geom: int, tip_id: int
-) -> tuple[int, NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sphere centres in the geom's frame (N, 3) [m] and radii (N,) [m] that stand for one geom."""
     is_probe = model.geom_bodyid[geom] == model.site_bodyid[tip_id]
     if not is_probe and model.geom_type[geom] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE):
-        return geom, *_axis_spheres(model, geom)
+        return _axis_spheres(model, geom)
     points_m = _surface_points(model, geom)
     if is_probe:
-        R_geom, tip_m = np.empty(9), model.site_pos[tip_id]
-        mujoco.mju_quat2Mat(R_geom, model.geom_quat[geom])
-        in_body_m = points_m @ R_geom.reshape(3, 3).T + model.geom_pos[geom]
-        points_m = points_m[np.linalg.norm(in_body_m - tip_m, axis=1) > FACE_RADIUS_M]
-    return geom, points_m, np.zeros(len(points_m))
+        in_body_m = points_m @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
+        points_m = points_m[np.linalg.norm(in_body_m - model.site_pos[tip_id], axis=1) > FACE_RADIUS_M]
+    return points_m, np.zeros(len(points_m))
 
 
 def _axis_spheres(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -117,8 +158,7 @@ def _surface_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
         vertices_m = model.mesh_vert[first : first + count].astype(np.float64)
         return vertices_m[:: max(1, count // MAX_MESH_POINTS)]
     # Every other primitive is a convex body about its centre: shoot an even set of directions at its boundary.
-    extent_m = float(np.max(size[:2].sum())) if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else float(np.linalg.norm(size))
-    n = int(np.clip(4.0 * np.pi * (extent_m / (2 * SURFACE_SPACING_M)) ** 2, 60, 400))
+    n = int(np.clip(4.0 * np.pi * (float(np.max(size)) / SURFACE_SPACING_M) ** 2, 60, 250))
     directions = _even_directions(n)
     return directions * _boundary_range(kind, size, directions)[:, None]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -120,6 +121,10 @@ class Kinematics:
         if np.linalg.norm(position_m - self._shoulder_m) > self._reach_m:
             q = self._scene.home_q
             return IkResult(IkStatus.TOO_FAR, q, q, *self.errors(q, position_m, normal), 0, 0)
+        if (hit := self._clearance.probe_collision(_frame_at(position_m, normal))) is not None:
+            q = self._scene.home_q
+            detail = f"However the arm stands, {hit}."
+            return IkResult(IkStatus.COLLISION, q, q, *self.errors(q, position_m, normal), 0, 0, detail)
         best: IkResult | None = None
         n_iterations = 0
         for restart, q_start in enumerate(self._starts(position_m, normal)):
@@ -249,9 +254,19 @@ def _checked_pose(
 def _pose_errors(
     data: mujoco.MjData, tip_id: int, position_m: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> tuple[float, float]:
-    beam = data.site_xmat[tip_id].reshape(3, 3)[:, 2]
-    angle_rad = float(np.arctan2(np.linalg.norm(np.cross(beam, normal)), beam @ normal))
-    return float(np.linalg.norm(data.site_xpos[tip_id] - position_m)), angle_rad
+    xmat = data.site_xmat[tip_id]
+    bx, by, bz = float(xmat[2]), float(xmat[5]), float(xmat[8])
+    nx, ny, nz = normal.tolist()
+    sine = math.hypot(by * nz - bz * ny, bz * nx - bx * nz, bx * ny - by * nx)
+    return math.dist(data.site_xpos[tip_id], position_m), math.atan2(sine, bx * nx + by * ny + bz * nz)
+
+
+def _frame_at(position_m: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A T_world_probe at a sensing pose, of any roll, shape (4, 4)."""
+    T_world_probe = np.eye(4)
+    T_world_probe[:3, :3] = _target(position_m, normal, np.eye(3)).as_matrix()[:3, :3]
+    T_world_probe[:3, 3] = position_m
+    return T_world_probe
 
 
 def _target(position_m: NDArray[np.float64], normal: NDArray[np.float64], xmat: NDArray[np.float64]) -> mink.SE3:

@@ -82,14 +82,10 @@ class Probe:
         directions_probe, ranges_m = self._pattern(rng)
         directions = directions_probe @ T_world_probe[:3, :3].T
         origin_m = T_world_probe[:3, 3].copy()
-        is_in_organ = np.zeros(ranges_m.shape, dtype=bool)
+        is_in_organ = self._winding(data, origin_m, directions, ranges_m, self._organ) > 0
         is_occupied = np.zeros(ranges_m.shape, dtype=bool)
-        for ray, direction in enumerate(directions):
-            along_m, sign = self._crossings(data, origin_m, direction, self._organ)
-            is_in_organ[ray] = _winding(ranges_m[ray], along_m, sign) > 0
-            if self._tumour is not None:
-                along_m, sign = self._crossings(data, origin_m, direction, self._tumour)
-                is_occupied[ray] = _winding(ranges_m[ray], along_m, sign) > 0
+        if self._tumour is not None:
+            is_occupied = self._winding(data, origin_m, directions, ranges_m, self._tumour) > 0
         points_m = origin_m + ranges_m[..., None] * directions[:, None, :]
         return Reading(points_m[is_in_organ], is_occupied[is_in_organ], T_world_probe)
 
@@ -109,31 +105,55 @@ class Probe:
         length = np.linalg.norm(directions, axis=1)
         return directions / length[:, None], depth_m * length[:, None]
 
+    def _winding(
+        self,
+        data: mujoco.MjData,
+        origin_m: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        ranges_m: NDArray[np.float64],
+        group: NDArray[np.uint8],
+    ) -> NDArray[np.int64]:
+        """Winding number of a group's surfaces about each point: the signed crossings beyond it, shape (R, K)."""
+        total = np.zeros(ranges_m.shape, dtype=np.int64)
+        ray, along_m, sign = self._crossings(data, origin_m, directions, group)
+        is_before = ranges_m[ray] < np.asarray(along_m)[:, None]
+        np.add.at(total, ray, np.asarray(sign)[:, None] * is_before)
+        return total
+
     def _crossings(
-        self, data: mujoco.MjData, origin_m: NDArray[np.float64], direction: NDArray[np.float64], group: NDArray[np.uint8]
-    ) -> tuple[list[float], list[int]]:
-        """Distances [m] along the ray at which it crosses the group's surfaces, and +1 leaving or -1 entering."""
-        along_m: list[float] = []
-        sign: list[int] = []
-        geom, normal, start_m, travelled_m = np.empty(1, np.int32), np.empty(3), origin_m, 0.0
-        for _ in range(MAX_CROSSINGS):
-            step_m = mujoco.mj_ray(self._model, data, start_m, direction, group, 1, -1, geom, normal)
-            if step_m < 0.0:
-                break
-            travelled_m += step_m
-            along_m.append(travelled_m)
-            sign.append(1 if normal @ direction > 0.0 else -1)
-            travelled_m += RAY_RESTART_M
-            start_m = origin_m + travelled_m * direction
-        return along_m, sign
+        self,
+        data: mujoco.MjData,
+        origin_m: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        group: NDArray[np.uint8],
+    ) -> tuple[list[int], list[float], list[int]]:
+        """All crossings of rays from one origin with a group's surfaces.
 
-
-def _winding(ranges_m: NDArray[np.float64], along_m: list[float], sign: list[int]) -> NDArray[np.int64]:
-    """Winding number at each range: the signed crossings beyond it."""
-    total = np.zeros(ranges_m.shape, dtype=np.int64)
-    for distance_m, step in zip(along_m, sign, strict=True):
-        total += step * (ranges_m < distance_m)
-    return total
+        Returns:
+            Index of the ray, distance along it [m], and +1 where it leaves or -1 where it enters.
+        """
+        n_rays = len(directions)
+        first_m, geoms, normals = np.empty(n_rays), np.empty(n_rays, np.int32), np.empty(3 * n_rays)
+        mujoco.mj_multiRay(
+            self._model, data, origin_m, directions.ravel(), group, 1, -1, geoms, first_m, normals, n_rays, np.inf
+        )
+        first_sign = np.where(np.einsum("ij,ij->i", normals.reshape(-1, 3), directions) > 0.0, 1, -1)
+        hits = np.flatnonzero(first_m >= 0.0)
+        ray, along_m, sign = hits.tolist(), first_m[hits].tolist(), first_sign[hits].tolist()
+        geom, normal = np.empty(1, np.int32), np.empty(3)
+        for index in hits:
+            direction, travelled_m = directions[index], first_m[index]
+            for _ in range(MAX_CROSSINGS):
+                travelled_m += RAY_RESTART_M
+                start_m = origin_m + travelled_m * direction
+                step_m = mujoco.mj_ray(self._model, data, start_m, direction, group, 1, -1, geom, normal)
+                if step_m < 0.0:
+                    break
+                travelled_m += step_m
+                ray.append(index)
+                along_m.append(travelled_m)
+                sign.append(1 if normal @ direction > 0.0 else -1)
+        return ray, along_m, sign
 
 
 def _group_mask(group: Group) -> NDArray[np.uint8]:

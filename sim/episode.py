@@ -8,8 +8,9 @@ from time import perf_counter
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, evaluate_map
+from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, average_precision, evaluate_map
 from planner import Planner, Situation
 
 from .stage import Stage
@@ -41,6 +42,8 @@ class Step:
     """Area under the map's precision-recall curve; None without tumours or without a map."""
     skipped: tuple[SkippedPose, ...]
     """Poses ranked before this one that the arm could not take."""
+    tip_path_m: NDArray[np.float64]
+    """The tip's way from the last contact: lift, transfer, descent, contact, shape (P, 3)."""
     plan_s: float
     ik_s: float
     sense_s: float
@@ -85,7 +88,7 @@ class Episode:
         self.hilbert_map = _prior_map(stage, map_settings or MapSettings()) if has_map else None
         self.prediction: Prediction | None = None
         self._probe = Probe(self.truth.scene, probe_settings)
-        self._is_sensed = np.zeros(len(self.truth.detection_points_m), dtype=bool)
+        self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
 
@@ -116,7 +119,7 @@ class Episode:
         if chosen is None:
             return None
         pose, answer = chosen
-        self.stage.carrier.place(self.data, pose, is_lifted=False)
+        tip_path_m = self._move_to(pose)
         reading = self._probe.sense(self.data, self._sensor_rng)
         self._note_sensed(reading)
         sensed_s = perf_counter()
@@ -130,6 +133,7 @@ class Episode:
             sensed_fraction=float(self._is_sensed.mean()) if self._is_sensed.size else None,
             auprc=auprc,
             skipped=tuple(skipped),
+            tip_path_m=tip_path_m,
             plan_s=planned_s - start_s - ik_s,
             ik_s=ik_s,
             sense_s=sensed_s - planned_s,
@@ -159,18 +163,28 @@ class Episode:
             skipped.append(self.skipped[pose])
         return None, skipped, ik_s
 
+    def _move_to(self, pose: int) -> NDArray[np.float64]:
+        """Lift from the last pose, go to the stand-off above the next and down; returns where the tip was."""
+        tip_m: list[NDArray[np.float64]] = []
+        last = self.sensed[-1:]
+        stations = [*((at, lifted) for at in last for lifted in (False, True)), (pose, True), (pose, False)]
+        for at, is_lifted in stations:
+            self.stage.carrier.place(self.data, at, is_lifted=is_lifted)
+            tip_m.append(self._probe.tip_pose(self.data)[:3, 3])
+        return np.array(tip_m)
+
     def _note_sensed(self, reading: Reading) -> None:
         """Mark the detection points that lie in the cone that was really cast."""
         T = reading.T_world_probe
-        self._is_sensed |= self.stage.cone.contains(self.truth.detection_points_m, T[:3, 3], T[:3, 2])
+        self._is_sensed |= self.stage.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
 
     def _update(self, reading: Reading) -> float | None:
         if self.hilbert_map is None:
             return None
         self.hilbert_map.update(reading.points_m, reading.is_occupied)
         self._predict()
-        metrics = self.metrics()
-        return None if metrics is None else metrics.auprc
+        assert self.prediction is not None
+        return average_precision(self.prediction.score, self.truth.is_tumour)
 
     def _predict(self) -> None:
         if self.hilbert_map is not None:

@@ -13,20 +13,20 @@ from planner import Cone, Workspace
 
 from .carrier import ArmCarrier, Carrier, FreeCarrier
 from .scenarios import LIVER, PAPER_ORGAN, Scenario
-from .world.anatomy import Anatomy
+from .world.anatomy import build_anatomy
 from .world.arm import MODELS_DIR, ArmModel
 from .world.distance_grid import DistanceGrid
 from .world.meshes import load_mesh
 from .world.paper_organ import paper_organ
-from .world.placement import lay_on_table, placed_at
+from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
-from .world.surface import upper_surface_workspace
+from .world.surface import SensingSurface, upper_surface_workspace
 
-HINGE_REACH = 4.0
-"""Hinges farther than this many spacings from the organ have no weight inside it and are dropped."""
-PAPER_HINGES, PAPER_QUERY = (17, 17, 10), (22, 22, 13)
-"""The paper's 2,890 hinges and 6,292 query points on the box of its synthetic organ."""
+HINGE_REACH = 2.0
+"""Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to the prior variance inside."""
+PAPER_QUERY = (22, 22, 13)
+"""The paper's 6,292 query points on the box of its synthetic organ; the hinges there are 17 x 17 x 10."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,26 +69,29 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     Raises:
         WorldError: A mesh or an arm that cannot be used.
     """
-    organ, tumours, T_world_organ, workspace, notices = _placed(scenario)
+    placed, notices = _placed(scenario)
+    organ = placed.organ
+    workspace = _workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    scene = build_scene(Anatomy(organ, (), name=scenario.name), cone, arm=arm)
-    organ_distance = DistanceGrid.from_solid(organ, margin_m=HINGE_REACH * map_settings.hinge_spacing_m + 0.004)
-    carrier = FreeCarrier(scene, workspace) if arm is None else ArmCarrier(scene, workspace, organ_distance)
-    hinges, query = _lattices(scenario, organ, map_settings.hinge_spacing_m)
-    is_inside = organ.contains(query.points_m())
+    empty = build_anatomy(organ, name=scenario.name, rng=np.random.default_rng(0))
+    scene = build_scene(empty, cone, arm=arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
+    organ_distance = DistanceGrid.from_solid(organ)
+    carrier = FreeCarrier(scene, workspace) if arm is None else ArmCarrier(scene, workspace, organ_distance)
+    hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
+    is_inside = organ.contains(query.points_m())
     return Stage(
         scenario=scenario,
         organ=organ,
-        given_tumours=tumours,
-        T_world_organ=T_world_organ,
+        given_tumours=placed.tumours,
+        T_world_organ=placed.T_world_organ,
         workspace=workspace,
         cone=cone,
         arm=arm,
         scene=scene,
         carrier=carrier,
         hinges=hinges,
-        hinge_mask=organ_distance.distance_m(hinges.points_m()) <= reach_m,
+        hinge_mask=_hinge_mask(scenario, organ_distance, hinges, reach_m),
         query=query,
         is_inside=is_inside,
         search_points_m=query.points_m()[is_inside],
@@ -96,49 +99,56 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     )
 
 
-def _placed(
-    scenario: Scenario,
-) -> tuple[Solid, tuple[Solid, ...], NDArray[np.float64], Workspace, tuple[str, ...]]:
-    """Organ, given tumours, T_world_organ, workspace and notices, all in the world frame."""
-    notices: list[str] = []
-    tumours: tuple[Solid, ...] = ()
+def _hinge_mask(
+    scenario: Scenario, organ_distance: DistanceGrid, hinges: Lattice, reach_m: float
+) -> NDArray[np.bool_]:
+    """Hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
     if scenario.organ == PAPER_ORGAN:
-        paper = paper_organ()
-        organ, T_world_organ = paper.solid, np.eye(4)
+        return np.ones(hinges.n_points, dtype=bool)
+    return organ_distance.distance_m(hinges.points_m()) <= reach_m
+
+
+def _placed(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
+    """Organ and given tumours in the world, and the notices of their files."""
+    if scenario.organ == PAPER_ORGAN:
+        organ, notices = paper_organ().solid, []
     else:
         path = MODELS_DIR / "liver.stl" if scenario.organ == LIVER else Path(scenario.organ)
-        loaded = load_mesh(path, unit="mm" if scenario.organ == LIVER else scenario.organ_unit)
-        notices += loaded.notices
-        organ = Solid.from_trimesh(loaded.mesh)
-        T_world_organ = _pose(scenario, organ)
-        organ = organ.transformed(T_world_organ)
+        loaded = load_mesh(path, "mm" if scenario.organ == LIVER else scenario.organ_unit)
+        organ, notices = Solid.from_trimesh(loaded.mesh), list(loaded.notices)
+    tumours: tuple[Solid, ...] = ()
     for file in scenario.tumour_files:
-        loaded = load_mesh(Path(file), unit=scenario.organ_unit)
+        loaded = load_mesh(Path(file), scenario.organ_unit, role="tumour")
+        tumours += (Solid.from_trimesh(loaded.mesh),)
         notices += loaded.notices
-        tumours += (Solid.from_trimesh(loaded.mesh).transformed(T_world_organ),)
-    if scenario.organ == PAPER_ORGAN:
-        workspace = paper_organ().workspace
-    else:
-        workspace = upper_surface_workspace(organ, n_poses=scenario.n_poses, rng=np.random.default_rng(0))
-    return organ, tumours, T_world_organ, workspace, tuple(notices)
+    return _put_in_world(scenario, organ, tumours), tuple(notices)
 
 
-def _pose(scenario: Scenario, organ: Solid) -> NDArray[np.float64]:
+def _put_in_world(scenario: Scenario, organ: Solid, tumours: tuple[Solid, ...]) -> PlacedOrgan:
     if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
-        return placed_at(scenario.organ_position_m, scenario.organ_quaternion)
-    return lay_on_table(organ)
+        T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
+        return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
+    if scenario.organ == PAPER_ORGAN:  # its axes are the world's already: z is up
+        return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
+    return lay_on_table(organ, tumours)
 
 
-def _lattices(scenario: Scenario, organ: Solid, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:
-    """Hinges at a fixed spacing beyond the organ on every side, and the query lattice over the organ."""
-    low_m, high_m = organ.bounds_m
+def _workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
     if scenario.organ == PAPER_ORGAN:
-        low_m, high_m = paper_organ().search_box_m
-        return _paper_hinges(low_m, high_m, hinge_spacing_m), Lattice.from_counts(low_m, high_m, counts=PAPER_QUERY)
-    around_m = 1.5 * hinge_spacing_m
+        surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
+    else:
+        surface = upper_surface_workspace(placed.organ, scenario.n_poses, rng=np.random.default_rng(0))
+    return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+
+
+def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:
+    """Hinges at a fixed spacing, reaching beyond the organ, and the query lattice over the organ."""
+    low_m, high_m = placed.organ.bounds_m
+    if scenario.organ == PAPER_ORGAN and np.allclose(placed.T_world_organ[:3, :3], np.eye(3)):
+        paper, shift_m = paper_organ(), placed.T_world_organ[:3, 3]
+        low_m, high_m = paper.box_low_m + shift_m, paper.box_high_m + shift_m
+        query = Lattice.from_counts(low_m, high_m, counts=PAPER_QUERY)
+        return Lattice.from_box(low_m, high_m, spacing_m=hinge_spacing_m), query
+    around_m = HINGE_REACH * hinge_spacing_m
     hinges = Lattice.from_box(low_m - around_m, high_m + around_m, spacing_m=hinge_spacing_m)
     return hinges, Lattice.from_box(low_m, high_m, spacing_m=scenario.score_spacing_m)
-
-
-def _paper_hinges(low_m: NDArray[np.float64], high_m: NDArray[np.float64], hinge_spacing_m: float) -> Lattice:
-    return Lattice.from_box(low_m, high_m, spacing_m=hinge_spacing_m)

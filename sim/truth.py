@@ -9,15 +9,11 @@ from numpy.typing import NDArray
 
 from .attainment import attainable, visibility
 from .stage import Stage
-from .world.anatomy import Anatomy
+from .world.anatomy import Anatomy, build_anatomy
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
 from .world.tumours import plant_lobulated, plant_spheres
 
-N_DETECTION_POINTS = 500
-"""Points drawn evenly inside each tumour (the paper's 500); the share sensed is the measure of detection."""
-MIN_ATTAINABLE = 0.95
-"""A planted tumour can be sensed at least to this share by the poses that are reached."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,8 +23,6 @@ class Truth:
     anatomy: Anatomy
     scene: Scene
     """The scene with the tumours in it."""
-    detection_points_m: NDArray[np.float64]
-    """Points inside the tumours, shape (n_tumours * 500, 3) [m]."""
     is_tumour: NDArray[np.bool_]
     """Truth at the stage's search points, shape (M,)."""
     attainable_fraction: float | None
@@ -46,8 +40,14 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
     """
     plant_rng, points_rng = rng.spawn(2)
     tumours = stage.given_tumours or _planted(stage, plant_rng)
-    anatomy = Anatomy(stage.organ, tumours, name=stage.scenario.name)
-    points_m = anatomy.detection_points(N_DETECTION_POINTS, points_rng)
+    anatomy = build_anatomy(
+        stage.organ,
+        tumours,
+        name=stage.scenario.name,
+        rng=points_rng,
+        tumour_names=stage.scenario.tumour_files or None,
+    )
+    points_m = anatomy.detection_points_m
     sees = visibility(stage.workspace, stage.cone, points_m)
     fraction = float(attainable(sees, stage.carrier).mean()) if len(points_m) else None
     return Truth(

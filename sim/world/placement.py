@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from .errors import PlacementError
 from .solid import Solid
@@ -92,6 +93,27 @@ def put_at_pose(organ: Solid, tumours: tuple[Solid, ...] = (), *, T_world_organ:
     check_rigid(T)
     T.setflags(write=False)
     return PlacedOrgan(organ.transformed(T), tuple(tumour.transformed(T) for tumour in tumours), T)
+
+
+def pose_matrix(position_m: ArrayLike, quaternion: ArrayLike) -> NDArray[np.float64]:
+    """The rigid motion of a position and an orientation, shape (4, 4).
+
+    Args:
+        position_m: Origin of the moved frame [m], shape (3,).
+        quaternion: Its orientation, wxyz, of any length but zero, shape (4,).
+
+    Raises:
+        PlacementError: Values that are not finite, or a quaternion of length zero.
+    """
+    position, wxyz = np.asarray(position_m, dtype=np.float64), np.asarray(quaternion, dtype=np.float64)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise PlacementError(f"position {position_m} must be three finite numbers [m]")
+    if wxyz.shape != (4,) or not np.isfinite(wxyz).all() or not np.linalg.norm(wxyz) > 0.0:
+        raise PlacementError(f"quaternion {quaternion} must be four finite numbers (wxyz), not all zero")
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat(wxyz, scalar_first=True).as_matrix()
+    T[:3, 3] = position
+    return T
 
 
 def check_rigid(T: NDArray[np.float64]) -> None:

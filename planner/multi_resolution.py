@@ -1,7 +1,9 @@
 """The multi-resolution baseline of the paper: coarse to fine, one sensing action per cell."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -32,23 +34,31 @@ class MultiResolution(Planner):
         is_available = situation.available(exclude_sensed=False)
         if not is_available.any():
             return
-        round_index, cell_rank = _find_turn(situation.workspace, is_available, len(situation.sensed))
-        cells, distances_m = cells_of_round(situation.workspace, round_index)
-        available = np.flatnonzero(is_available)
-        order = available[np.lexsort((distances_m[available], cells[available]))]
-        occupied_cells = np.unique(cells[available])
-        start = int(np.searchsorted(cells[order], occupied_cells[cell_rank]))
-        yield from np.roll(order, -start).tolist()
+        n_left = len(situation.sensed)
+        for round_index in itertools.count():
+            order, cells = raster_of_round(situation.workspace, min(round_index, FINEST_ROUND))
+            is_left = is_available[order]
+            starts = _starts_of_runs(cells[is_left])
+            if n_left < len(starts):
+                yield from np.roll(order[is_left], -starts[n_left]).tolist()
+                return
+            n_left -= len(starts)
 
 
-def cells_of_round(workspace: Workspace, round_index: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Each pose's cell in a round, and its distance from the cell's centre in x and y [m], both (N,).
+@lru_cache(
+    maxsize=2 * FINEST_ROUND
+)  # every step asks for all rounds up to its own; a workspace never changes
+def raster_of_round(workspace: Workspace, round_index: int) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+    """The poses sorted by cell in raster order, then by distance from the cell's centre, and their cells.
 
     Args:
         workspace: The poses.
-        round_index: The round r, from 0; it has 2^r cells along x and along y, numbered in raster order.
+        round_index: The round r, from 0; it has 2^r cells along x and along y.
+
+    Returns:
+        Pose indices, shape (N,), and the cell of each of them, shape (N,).
     """
-    n_side = 2 ** min(round_index, FINEST_ROUND)
+    n_side = 2**round_index
     xy_m = workspace.positions_m[:, :2]
     low_m = xy_m.min(axis=0)
     size_m = np.maximum(
@@ -57,18 +67,14 @@ def cells_of_round(workspace: Workspace, round_index: int) -> tuple[NDArray[np.i
     column_row = np.minimum((xy_m - low_m) / size_m * n_side, n_side - 1).astype(np.int64)
     centres_m = low_m + (column_row + 0.5) * size_m / n_side
     distances_m = np.linalg.norm(xy_m - centres_m, axis=1)
-    return column_row[:, 1] * n_side + column_row[:, 0], distances_m
+    cells = column_row[:, 1] * n_side + column_row[:, 0]
+    order = np.lexsort((distances_m, cells))
+    sorted_cells = cells[order]
+    for array in (order, sorted_cells):
+        array.setflags(write=False)
+    return order, sorted_cells
 
 
-def _find_turn(workspace: Workspace, is_available: NDArray[np.bool_], n_sensed: int) -> tuple[int, int]:
-    """The round of the next sensing action, and the number of its occupied cells that come before."""
-    round_index = 0
-    while True:
-        cells, _ = cells_of_round(workspace, round_index)
-        n_occupied = len(np.unique(cells[is_available]))
-        if n_sensed < n_occupied:
-            return round_index, n_sensed
-        n_sensed -= n_occupied
-        if round_index >= FINEST_ROUND:
-            return round_index, n_sensed % n_occupied
-        round_index += 1
+def _starts_of_runs(values: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Where each run of equal values begins, shape (number of runs,)."""
+    return np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))

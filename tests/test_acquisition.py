@@ -91,6 +91,6 @@ def test_variance_of_the_probability_agrees_with_numerical_integration(mean, dev
 def test_variance_of_the_probability_has_its_two_limits():
     # Certain latent: none. Boundless latent around 0: a coin of probability 0 or 1, variance 1/4.
     assert probability_variance(0.3, 0.0) == pytest.approx(0.0, abs=1e-12)
-    # At a deviation of 100 the sigmoid is nearly a step; the node at 0, with 6 % of the weight, sees probability 1/2
+    # At a deviation of 100 the sigmoid is nearly a step; the node at 0, with 6 % of the weight, sees 1/2
     # in place of 0 or 1, which costs 0.06 / 4.
     assert probability_variance(0.0, 1e4) == pytest.approx(0.25, abs=0.02)

@@ -85,19 +85,24 @@ def solid_below(nodes_m: NDArray[np.float64], bottom_m: float) -> Solid:
         bottom_m: Height z of the bottom [m], below all nodes.
 
     Returns:
-        The solid: top and walls along the nodes, the bottom a fan about its middle.
+        The solid: its bottom is two triangles, and its walls are fans, so that only the top has many.
     """
     n_rows, n_columns = nodes_m.shape[:2]
     index = np.arange(n_rows * n_columns).reshape(n_rows, n_columns)
     a, b, c, d = (q.ravel() for q in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
     top = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    rim = np.concatenate([index[0, :-1], index[:-1, -1], index[-1, :0:-1], index[:0:-1, 0]])  # seen from above: left
-    below = index.size + np.arange(len(rim))
-    rim_next, below_next = np.roll(rim, -1), np.roll(below, -1)
-    walls = np.concatenate([np.stack([rim, below, below_next], 1), np.stack([rim, below_next, rim_next], 1)])
-    middle = np.full(len(rim), index.size + len(rim))
-    floor = np.stack([middle, below_next, below], axis=1)
-    rim_m = nodes_m.reshape(-1, 3)[rim].copy()
-    rim_m[:, 2] = bottom_m
-    vertices_m = np.concatenate([nodes_m.reshape(-1, 3), rim_m, rim_m.mean(axis=0, keepdims=True)])
-    return Solid(vertices_m, np.concatenate([top, walls, floor]))
+    vertices_m = np.concatenate([nodes_m.reshape(-1, 3), nodes_m[[0, 0, -1, -1], [0, -1, -1, 0]]])
+    corners = index.size + np.arange(4)
+    vertices_m[corners, 2] = bottom_m
+    sides = [index[0], index[:, -1], index[-1, ::-1], index[::-1, 0]]  # counter-clockwise seen from above
+    walls = [_wall(side, corners[i], corners[(i + 1) % 4]) for i, side in enumerate(sides)]
+    floor = corners[[[0, 2, 1], [0, 3, 2]]]
+    return Solid(vertices_m, np.concatenate([top, *walls, floor]))
+
+
+def _wall(side: NDArray[np.int64], first: np.int64, last: np.int64) -> NDArray[np.int64]:
+    """Triangles of a wall below a side's nodes: two fans about the corners of the bottom, and one between them."""
+    half = len(side) // 2
+    foot = np.where(np.arange(len(side) - 1) < half, first, last)
+    fans = np.stack([side[:-1], foot, side[1:]], axis=1)
+    return np.concatenate([fans, [[side[half], first, last]]])

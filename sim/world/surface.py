@@ -22,7 +22,7 @@ CANDIDATES_PER_POSE = 12
 """Random surface points drawn per pose wanted; from these the even ones are picked."""
 
 DISC_CONSTANT = 0.70
-"""n r^2 / area of a maximal random packing of points at least r apart in the plane (coverage 0.547 by discs of r/2)."""
+"""First guess of n r^2 / area for random points at least r apart, none to be added (discs of r/2 then cover 0.547)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,9 @@ def upper_surface_workspace(
     if not 0.0 < max_tilt_rad <= np.pi / 2:
         raise ValueError(f"max_tilt_rad={max_tilt_rad} must be above 0 and at most pi/2")
     candidates_m, faces, area_m2 = _strew_upper(solid, CANDIDATES_PER_POSE * n_poses, max_tilt_rad, rng)
-    radius_m = np.sqrt(DISC_CONSTANT * area_m2 / n_poses)
-    kept = thin_to_spacing(candidates_m, radius_m)
+    spacing_m = np.sqrt(DISC_CONSTANT * area_m2 / n_poses)
+    kept = thin_to_spacing(candidates_m, spacing_m)
+    kept = thin_to_spacing(candidates_m, spacing_m * np.sqrt(len(kept) / n_poses))  # the constant is a guess
     positions_m = candidates_m[kept]
     if len(positions_m) < N_NEIGHBOURS + 1:
         raise MeshError(

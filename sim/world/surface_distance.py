@@ -76,6 +76,8 @@ class SurfaceDistance:
 def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points on every triangle, its corners included, such that no surface point is far from one.
 
+    Triangles are halved across their longest edge until all edges are short, so slivers cost no more than their area.
+
     Args:
         solid: The solid whose surface is meant.
         spacing_m: Longest edge of the pieces whose corners are the points [m].
@@ -83,17 +85,20 @@ def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], N
     Returns:
         Points [m], shape (P, 3), and a triangle that each lies on, shape (P,).
     """
-    corners = solid.vertices_m[solid.faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    n_divisions = np.maximum(np.ceil(longest / spacing_m), 1).astype(np.int64)
     vertices, first_use = np.unique(solid.faces, return_index=True)
-    points, faces = [solid.vertices_m[vertices]], [first_use // 3]
-    for n in np.unique(n_divisions[n_divisions > 1]):
-        members = np.flatnonzero(n_divisions == n)
-        weights = _division_points(int(n))
-        points.append(np.einsum("pk,fkd->fpd", weights, corners[members]).reshape(-1, 3))
-        faces.append(np.repeat(members, len(weights)))
-    return np.concatenate(points), np.concatenate(faces)
+    points, owners = [solid.vertices_m[vertices]], [first_use // 3]
+    corners, owner = solid.vertices_m[solid.faces], np.arange(len(solid.faces))
+    while len(corners):
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        is_long = lengths.max(axis=1) > spacing_m
+        corners, owner, longest = corners[is_long], owner[is_long], lengths[is_long].argmax(axis=1)
+        a, b, c = (np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3))
+        middle = 0.5 * (a + b)
+        points.append(middle)
+        owners.append(owner)
+        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+        owner = np.concatenate([owner, owner])
+    return np.concatenate(points), np.concatenate(owners)
 
 
 def closest_points_on_triangles(
@@ -130,10 +135,3 @@ def _closest_on_segment(
     t = np.einsum("ij,ij->i", points - start, along)
     t = np.clip(np.divide(t, squared, out=np.zeros_like(t), where=squared > 0), 0.0, 1.0)
     return start + t[:, None] * along
-
-
-def _division_points(n: int) -> NDArray[np.float64]:
-    """Barycentric corners of the n^2 equal pieces of a triangle, without its own corners, shape (P, 3)."""
-    i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
-    weights = np.stack([n - i - j, i, j], axis=-1).reshape(-1, 3) / n
-    return weights[(weights.min(axis=1) >= 0.0) & (weights.max(axis=1) < 1.0)]

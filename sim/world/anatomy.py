@@ -113,7 +113,9 @@ def build_anatomy(
         inside_m, outside_share = _draw_inside(organ, tumour, tumour_name, n_detection_points, rng)
         points.append(inside_m)
         if outside_share > REMARKABLE_OUTSIDE_SHARE:
-            remarks.append(f"{tumour_name}: {outside_share:.0%} of it protrudes from the organ and is left out")
+            remarks.append(
+                f"{tumour_name}: {outside_share:.0%} of it protrudes from the organ and is left out"
+            )
     points_m = np.concatenate(points)
     tumour_index = np.repeat(np.arange(len(tumours)), n_detection_points)
     points_m.setflags(write=False)

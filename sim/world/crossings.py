@@ -104,7 +104,9 @@ class VerticalCrossings:
         n_triangles = self._start[key + 1] - self._start[key]
         ends = np.cumsum(n_triangles)
         n_pairs = int(ends[-1]) if len(ends) else 0
-        cuts = np.searchsorted(ends, np.arange(CHUNK_PAIRS, n_pairs + CHUNK_PAIRS, CHUNK_PAIRS), side="left") + 1
+        cuts = (
+            np.searchsorted(ends, np.arange(CHUNK_PAIRS, n_pairs + CHUNK_PAIRS, CHUNK_PAIRS), side="left") + 1
+        )
         for chunk in np.split(np.arange(len(candidates)), np.unique(np.minimum(cuts, len(candidates)))):
             if len(chunk):
                 point = np.repeat(candidates[chunk], n_triangles[chunk])

@@ -69,9 +69,7 @@ class DistanceGrid:
         """
         return self.distance_and_gradient(points_m)[0]
 
-    def distance_and_gradient(
-        self, points_m: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def distance_and_gradient(self, points_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Signed distance [m] and its gradient at each point.
 
         Beyond the lattice, q being the closest point of its box, the surface lies inside the box, so its distance is
@@ -108,7 +106,9 @@ class DistanceGrid:
             j[:, None] + np.array([0, 0, 1, 1, 0, 0, 1, 1]),
             k[:, None] + np.array([0, 1, 0, 1, 0, 1, 0, 1]),
         ]
-        along_z = c[:, 0::2] + w[:, None] * (c[:, 1::2] - c[:, 0::2])  # (N, 4): corners 00, 01, 10, 11 in x, y
+        along_z = c[:, 0::2] + w[:, None] * (
+            c[:, 1::2] - c[:, 0::2]
+        )  # (N, 4): corners 00, 01, 10, 11 in x, y
         slope_z = c[:, 1::2] - c[:, 0::2]
         in_y = along_z[:, 0::2] + v[:, None] * (along_z[:, 1::2] - along_z[:, 0::2])
         slope_y = along_z[:, 1::2] - along_z[:, 0::2]

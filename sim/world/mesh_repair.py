@@ -52,7 +52,9 @@ def repair(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, Faces, list[st
                 f"the surface is open: {n_open} edges border a hole too large or too tangled to fill; "
                 "close it (for instance with MeshLab's Close Holes) and load it again"
             )
-        notices.append(f"the surface was open: {n_filled} small hole{'s were' if n_filled > 1 else ' was'} filled")
+        notices.append(
+            f"the surface was open: {n_filled} small hole{'s were' if n_filled > 1 else ' was'} filled"
+        )
     faces, n_turned = _agree(faces)
     if n_turned:
         notices.append(f"{n_turned} triangles faced the wrong way and were turned")
@@ -145,7 +147,9 @@ def _agree(faces: Faces) -> tuple[Faces, int]:
     order = np.argsort(keys, kind="stable")
     sorted_keys = keys[order]
     counts = np.unique(sorted_keys, return_counts=True)[1]
-    first = (np.cumsum(counts) - counts)[counts == 2]  # edges of four triangles do not tell who neighbours whom
+    first = (np.cumsum(counts) - counts)[
+        counts == 2
+    ]  # edges of four triangles do not tell who neighbours whom
     one, other = order[first], order[first + 1]
     is_crosswise = edges[one, 0] == edges[other, 0]
     a, b = one // 3, other // 3

@@ -40,7 +40,15 @@ REMARKABLE_OVERLAP_SHARE = 0.01
 TEST_LATTICE = 32
 """Points per axis of the lattice on which the winding number is examined."""
 
-READER_ERRORS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError)
+READER_ERRORS = (
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    AttributeError,
+    AssertionError,
+    RuntimeError,
+)
 """What a reader fed with arbitrary bytes may raise, beside OSError, EOFError and MemoryError."""
 
 
@@ -99,7 +107,9 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     if not path.is_file():
         raise MeshError(f"{path}: there is no such file; check the path")
     if path.suffix.lower() not in FORMATS:
-        raise MeshError(f"{path}: the format {path.suffix!r} is not read; convert it to one of {', '.join(FORMATS)}")
+        raise MeshError(
+            f"{path}: the format {path.suffix!r} is not read; convert it to one of {', '.join(FORMATS)}"
+        )
     try:
         mesh = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
@@ -126,8 +136,12 @@ def _first_line(error: BaseException) -> str:
 def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role: Role) -> None:
     extent_m = float(np.ptp(vertices_m, axis=0).max())
     if extent_m > LARGEST_EXTENT_M:
-        remedy = "if the file is in millimetres, pass --unit mm" if unit == "m" else "check the file's coordinates"
-        raise MeshError(f"{path}: the bounding box is {extent_m:.4g} m long, above {LARGEST_EXTENT_M:g} m; {remedy}")
+        remedy = (
+            "if the file is in millimetres, pass --unit mm" if unit == "m" else "check the file's coordinates"
+        )
+        raise MeshError(
+            f"{path}: the bounding box is {extent_m:.4g} m long, above {LARGEST_EXTENT_M:g} m; {remedy}"
+        )
     smallest_m = SMALLEST_EXTENT_M[role]
     if extent_m < smallest_m:
         remedy = "if the file is in metres, pass --unit m" if unit == "mm" else "check the file's coordinates"
@@ -155,7 +169,9 @@ def _check_winding(path: Path, mesh: trimesh.Trimesh) -> list[str]:
     """
     low, extent = mesh.vertices.min(axis=0), np.ptp(mesh.vertices, axis=0)
     ticks = (np.arange(TEST_LATTICE) + np.sqrt(2.0) - 1.0) / TEST_LATTICE
-    points_m = low + extent * np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    points_m = low + extent * np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(
+        -1, 3
+    )
     winding = VerticalCrossings(np.asarray(mesh.vertices), np.asarray(mesh.faces)).winding(points_m)
     n_inside = max(int((winding > 0).sum()), 1)
     reversed_share = int((winding < 0).sum()) / n_inside

@@ -155,7 +155,9 @@ class Solid:
             kept.append(candidates[self.contains(candidates)])
             n_kept += len(kept[-1])
         if n_kept < n:
-            raise MeshError(f"solid of volume {self.volume_m3:.3g} m^3 has no interior to draw {n} points from")
+            raise MeshError(
+                f"solid of volume {self.volume_m3:.3g} m^3 has no interior to draw {n} points from"
+            )
         return np.concatenate([*kept, np.empty((0, 3))])[:n]
 
     def transformed(self, T_target_solid: ArrayLike) -> "Solid":

@@ -157,7 +157,9 @@ def _strew_upper(
     areas_m2 = np.where(upward >= np.cos(max_tilt_rad) - 1e-12, solid.face_areas_m2(), 0.0)
     total_m2 = float(areas_m2.sum())
     if total_m2 == 0.0:
-        raise MeshError(f"no face points up within {np.rad2deg(max_tilt_rad):.3g} degrees; turn the organ or the limit")
+        raise MeshError(
+            f"no face points up within {np.rad2deg(max_tilt_rad):.3g} degrees; turn the organ or the limit"
+        )
     cumulative = np.cumsum(areas_m2)
     drawn = np.searchsorted(cumulative, rng.uniform(0.0, total_m2, n_candidates), side="right")
     faces = np.minimum(drawn, len(areas_m2) - 1)

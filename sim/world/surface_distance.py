@@ -92,7 +92,9 @@ def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], N
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
         is_long = lengths.max(axis=1) > spacing_m
         corners, owner, longest = corners[is_long], owner[is_long], lengths[is_long].argmax(axis=1)
-        a, b, c = (np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3))
+        a, b, c = (
+            np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3)
+        )
         middle = 0.5 * (a + b)
         points.append(middle)
         owners.append(owner)
@@ -119,7 +121,9 @@ def closest_points_on_triangles(
     best = np.take_along_axis(on_edges, squared.argmin(axis=0)[None, :, None], axis=0)[0]
     normal = np.cross(b - a, c - a)
     area = np.einsum("ij,ij->i", normal, normal)
-    height = np.divide(np.einsum("ij,ij->i", points - a, normal), area, out=np.zeros_like(area), where=area > 0)
+    height = np.divide(
+        np.einsum("ij,ij->i", points - a, normal), area, out=np.zeros_like(area), where=area > 0
+    )
     foot = points - height[:, None] * normal
     is_over_face = area > 0
     for p, q in ((a, b), (b, c), (c, a)):

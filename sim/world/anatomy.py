@@ -1,7 +1,7 @@
 """An organ with its tumours: the truth of an episode.
 
-Truth is what lies inside the organ and inside a tumour. Segmented tumours may protrude by some millimetres; what
-protrudes is never sensed and counts as nothing.
+Truth is what lies inside the organ and inside a tumour. Segmented tumours may protrude by some millimetres;
+what protrudes is never sensed and counts as nothing.
 """
 
 from dataclasses import dataclass
@@ -139,8 +139,8 @@ def _draw_inside(
         inside_share = n_kept / n_drawn
         if inside_share < LEAST_INSIDE_SHARE:
             raise AnatomyError(
-                f"{name}: only {inside_share:.0%} of it lies inside the organ, at least {LEAST_INSIDE_SHARE:.0%} must; "
-                "check that both files share one frame and unit"
+                f"{name}: only {inside_share:.0%} of it lies inside the organ, at least "
+                f"{LEAST_INSIDE_SHARE:.0%} must; check that both files share one frame and unit"
             )
         if n_kept >= n:
             break

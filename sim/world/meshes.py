@@ -1,4 +1,4 @@
-"""Reading organ and tumour meshes from files: every mesh that leaves here is a closed, outward solid in metres."""
+"""Reading organ and tumour meshes from files: what leaves here is a closed, outward surface in metres."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .crossings import VerticalCrossings
 from .errors import MeshError
-from .mesh_repair import RepairFailure, repair
+from .mesh_repair import RepairError, repair
 
 Unit = Literal["mm", "m"]
 Role = Literal["organ", "tumour"]
@@ -70,8 +70,8 @@ class LoadedMesh:
 def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> LoadedMesh:
     """A mesh file as a closed, outward solid in metres.
 
-    Duplicate vertices and triangles are merged, small holes filled and inverted windings turned; each repair is
-    mentioned in the notices.
+    Duplicate vertices and triangles are merged, small holes filled and inverted windings turned; each repair
+    is mentioned in the notices.
 
     Args:
         path: An STL, OBJ or PLY file.
@@ -94,8 +94,8 @@ def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> L
     _check_extent(path, vertices_m[np.unique(faces)], unit, role)
     try:
         vertices_m, faces, notices = repair(vertices_m, faces)
-    except RepairFailure as failure:
-        raise MeshError(f"{path}: {failure}") from failure
+    except RepairError as error:
+        raise MeshError(f"{path}: {error}") from error
     mesh = trimesh.Trimesh(vertices_m, faces, process=False)
     _check_volume(path, mesh)
     notices = [*notices, *_check_winding(path, mesh), *_remark_on_size(mesh, role)]
@@ -107,9 +107,7 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     if not path.is_file():
         raise MeshError(f"{path}: there is no such file; check the path")
     if path.suffix.lower() not in FORMATS:
-        raise MeshError(
-            f"{path}: the format {path.suffix!r} is not read; convert it to one of {', '.join(FORMATS)}"
-        )
+        raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
     try:
         mesh = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
@@ -140,7 +138,7 @@ def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role:
             "if the file is in millimetres, pass --unit mm" if unit == "m" else "check the file's coordinates"
         )
         raise MeshError(
-            f"{path}: the bounding box is {extent_m:.4g} m long, above {LARGEST_EXTENT_M:g} m; {remedy}"
+            f"{path}: its bounding box of {extent_m:.4g} m is above {LARGEST_EXTENT_M:g} m; {remedy}"
         )
     smallest_m = SMALLEST_EXTENT_M[role]
     if extent_m < smallest_m:
@@ -163,9 +161,9 @@ def _check_volume(path: Path, mesh: trimesh.Trimesh) -> None:
 def _check_winding(path: Path, mesh: trimesh.Trimesh) -> list[str]:
     """Notices on overlaps, after making sure that hardly any of the volume is inside out.
 
-    A closed surface that does not cross itself has winding number 0 or 1 everywhere. Where it crosses itself, parts
-    are covered twice or more, which still count as inside, or are inside out with a negative number, where "inside"
-    loses its meaning. Both are measured on a lattice off the vertices' own planes.
+    A closed surface that does not cross itself has winding number 0 or 1 everywhere. Where it crosses itself,
+    parts are covered twice or more, which still count as inside, or are inside out with a negative number,
+    where "inside" loses its meaning. Both are measured on a lattice off the vertices' own planes.
     """
     low, extent = mesh.vertices.min(axis=0), np.ptp(mesh.vertices, axis=0)
     ticks = (np.arange(TEST_LATTICE) + np.sqrt(2.0) - 1.0) / TEST_LATTICE

@@ -1,8 +1,9 @@
 """The paper's synthetic organ (Cho, Hermans, Kuntz, 2021, section V-A), pinned down.
 
-The paper takes its surface from Matplotlib's `get_test_data` and states 14,400 positions, 2,890 hinges and 6,292 query
-points. `get_test_data(0.05)` gives exactly 120 x 120 positions with x and y in [-3, 3); 17 x 17 x 10 hinges at 0.375
-and 22 x 22 x 13 query points fit a box of 6 x 6 x 3.4. So here, in the paper's units of 0.03 m:
+The paper takes its surface from Matplotlib's `get_test_data` and states 14,400 positions, 2,890 hinges and
+6,292 query points. `get_test_data(0.05)` gives exactly 120 x 120 positions with x and y in [-3, 3); 17 x 17 x
+10 hinges at 0.375 and 22 x 22 x 13 query points fit a box of 6 x 6 x 3.4. So here, in the paper's units of
+0.03 m:
 
 - the surface is z = Z2 - Z1 over x, y in [-3, 3], unscaled: from -0.15 to 0.17;
 - the solid below it ends at z = -3.3;
@@ -10,8 +11,8 @@ and 22 x 22 x 13 query points fit a box of 6 x 6 x 3.4. So here, in the paper's 
 - the search box is x, y in [-3, 3], z in [-3.3, 0.2]. Its hinges at 0.375 are 17 x 17 x 10, the highest at
   z = 0.075, which the kernel's width of 0.32 carries past the surface.
 
-The solid has one more row of nodes, at x = 3 and y = 3, so that it fills the box. Frame: z up, origin in the middle of
-the surface's mean plane.
+The solid has one more row of nodes, at x = 3 and y = 3, so that it fills the box. Frame: z up, origin in the
+middle of the surface's mean plane.
 """
 
 from dataclasses import dataclass
@@ -44,7 +45,8 @@ class PaperOrgan:
 
     Attributes:
         solid: The organ.
-        surface: Its 14,400 sensing positions on a 120 x 120 grid (rows along y, columns along x), and normals.
+        surface: Its 14,400 sensing positions on a 120 x 120 grid (rows along y, columns along x), and
+            normals.
         box_low_m: Lowest corner of the search box [m], shape (3,).
         box_high_m: Highest corner of the search box [m], shape (3,).
     """
@@ -57,7 +59,7 @@ class PaperOrgan:
 
 def paper_organ() -> PaperOrgan:
     """The paper's synthetic organ, 180 x 180 x 104 mm, and its sensing positions."""
-    axis = -3.0 + GRID_SPACING * np.arange(N_GRID + 1)
+    axis = -3.0 + GRID_SPACING * np.arange(N_GRID + 1, dtype=np.float64)
     x, y = np.meshgrid(axis, axis)
     nodes_m = UNIT_M * np.stack([x, y, surface_height(x, y)], axis=-1)
     positions_m = nodes_m[:N_GRID, :N_GRID].reshape(-1, 3)

@@ -1,7 +1,7 @@
 """Laying an organ on the table, or putting it at an explicit pose; its tumours move with it.
 
-Patient axes are LPS: +x to the patient's left, +y to the back, +z to the head. On the table the patient's front is up:
-world x = left, world y = head, world z = front (-y of LPS).
+Patient axes are LPS: +x to the patient's left, +y to the back, +z to the head. On the table the patient's
+front is up: world x = left, world y = head, world z = front (-y of LPS).
 """
 
 from dataclasses import dataclass

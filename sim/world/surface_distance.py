@@ -1,14 +1,14 @@
 """Distance from points to a triangle surface, signed by which side they are on.
 
-A KD-tree over points strewn on the surface, vertices included, names the triangles near a query; the distance to these
-is exact (closest point of a triangle: Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Far from the
-surface the distance to the nearest strewn point is already within r^2 / (2 d) of the truth, r being how far a surface
-point can be from the nearest strewn one.
+A KD-tree over points strewn on the surface, vertices included, names the triangles near a query; the distance
+to these is exact (closest point of a triangle: Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
+Far from the surface the distance to the nearest strewn point is already within r^2 / (2 d) of the truth, r
+being how far a surface point can be from the nearest strewn one.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from .solid import Solid, check_points
 
@@ -19,7 +19,7 @@ EXACT_BAND_M = 0.010
 """Closer than this [m] the distance is taken to the triangles; beyond it r^2 / (2 d) is below 0.07 mm."""
 
 N_NEAR_SAMPLES = 6
-"""Strewn points looked up per query in the band: their triangles include the closest one but for its neighbours."""
+"""Strewn points looked up per query in the band: their triangles include the closest or a neighbour of it."""
 
 
 class SurfaceDistance:
@@ -30,14 +30,16 @@ class SurfaceDistance:
     """
 
     def __init__(self, solid: Solid) -> None:
+        """Strews the points and builds their tree."""
         self._solid = solid
         samples_m, self._sample_face = strew_points(solid, SAMPLE_SPACING_M)
-        # Neither balanced nor compact: queries far from the surface, where most of a lattice lies, run 2-4x faster.
-        self._tree = cKDTree(samples_m, balanced_tree=False, compact_nodes=False)
+        # Neither balanced nor compact: queries far from the surface, where most of a lattice lies, run 2-4x
+        # faster.
+        self._tree = KDTree(samples_m, balanced_tree=False, compact_nodes=False)
         self._corners_m = solid.vertices_m[solid.faces]
 
     def distance_to_triangles_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance [m] to the triangles around the nearest strewn points, shape (N,): exact close to the surface."""
+        """Distance [m] to the triangles of the nearest strewn points, shape (N,): exact close to the surface."""
         n_near = min(N_NEAR_SAMPLES, self._tree.n)
         faces = self._sample_face[self._tree.query(points_m, k=n_near)[1].reshape(-1, n_near)]
         repeated = np.repeat(points_m, n_near, axis=0)
@@ -76,7 +78,8 @@ class SurfaceDistance:
 def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points on every triangle, its corners included, such that no surface point is far from one.
 
-    Triangles are halved across their longest edge until all edges are short, so slivers cost no more than their area.
+    Triangles are halved across their longest edge until all edges are short, so slivers cost no more than
+    their area.
 
     Args:
         solid: The solid whose surface is meant.

@@ -1,7 +1,7 @@
 """Planting tumours by seed: spheres as in the paper's scenarios, lobulated shapes for livers.
 
-Both check every tumour before it is accepted: inside the organ, apart from the others and, if the caller says how to
-tell, within what the probe can ever sense.
+Both check every tumour before it is accepted: inside the organ, apart from the others and, if the caller says
+how to tell, within what the probe can ever sense.
 """
 
 from collections.abc import Callable, Iterator
@@ -72,7 +72,8 @@ def plant_spheres(
 ) -> tuple[Solid, ...]:
     """Spheres below the organ's upper surface, even in x, y and depth, inside the organ and apart.
 
-    The paper's organ is not deep enough for its deepest spheres under its deepest dip; such places are drawn again.
+    The paper's organ is not deep enough for its deepest spheres under its deepest dip; such places are drawn
+    again.
 
     Args:
         organ: The organ, in a frame with z up.
@@ -81,7 +82,8 @@ def plant_spheres(
         radius_m: Radius [m]; the mesh has the volume of this sphere.
         depth_range_m: Depth of the centre below the surface straight above it [m].
         half_width_m: Largest |x| and |y| of the centre from the middle of the organ's bounding box [m].
-        is_attainable: Given points in the tumour, the fraction that can be sensed; at least 95 % is asked for.
+        is_attainable: Given points in the tumour, the fraction that can be sensed; at least 95 % is asked
+            for.
 
     Returns:
         The spheres.
@@ -128,8 +130,8 @@ def plant_lobulated(
 ) -> tuple[Solid, ...]:
     """Lobulated tumours anywhere in the organ, below its capsule and apart.
 
-    Diameters are lognormal about 16 mm, as in LiTS, within the range. The largest is placed first; one that fits
-    nowhere is drawn again.
+    Diameters are lognormal about 16 mm, as in LiTS, within the range. The largest is placed first; one that
+    fits nowhere is drawn again.
 
     Args:
         organ: The organ.
@@ -137,7 +139,8 @@ def plant_lobulated(
         rng: Source of the draws.
         diameter_range_m: Smallest and largest diameter [m] of the sphere of equal volume.
         least_depth_m: Least distance between tumour and organ surface [m].
-        is_attainable: Given points in the tumour, the fraction that can be sensed; at least 95 % is asked for.
+        is_attainable: Given points in the tumour, the fraction that can be sensed; at least 95 % is asked
+            for.
 
     Returns:
         The tumours, largest first but for those drawn again.
@@ -149,7 +152,8 @@ def plant_lobulated(
     _check_count(n)
     if not 0.0 < diameter_range_m[0] <= diameter_range_m[1] or not least_depth_m >= 0.0:
         raise ValueError(
-            f"diameter_range_m={diameter_range_m} must ascend from above 0, least_depth_m={least_depth_m} be at least 0"
+            f"diameter_range_m={diameter_range_m} must ascend from above 0 and least_depth_m={least_depth_m} "
+            "be at least 0"
         )
     surface = SurfaceDistance(organ)
     planted: list[Solid] = []
@@ -163,7 +167,8 @@ def plant_lobulated(
         else:
             raise PlantingError(
                 f"no place was found for tumour {len(planted) + 1} of {n} with diameters of "
-                f"{diameter_range_m[0] * 1e3:.3g}-{diameter_range_m[1] * 1e3:.3g} mm; ask for fewer or smaller tumours"
+                f"{diameter_range_m[0] * 1e3:.3g}-{diameter_range_m[1] * 1e3:.3g} mm; "
+                "ask for fewer or smaller tumours"
             )
     return tuple(planted)
 
@@ -173,8 +178,8 @@ def lobulated_shape(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices [m] about the origin, and faces, of a random lobulated blob.
 
-    A sphere, stretched a little along random axes, with lobes: smooth bumps of random direction, width and height
-    that are added to its radius. Being star-shaped about the origin, it never crosses itself.
+    A sphere, stretched a little along random axes, with lobes: smooth bumps of random direction, width and
+    height that are added to its radius. Being star-shaped about the origin, it never crosses itself.
 
     Args:
         diameter_m: Diameter of the sphere of equal volume [m].

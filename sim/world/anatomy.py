@@ -1,7 +1,7 @@
 """An organ with its tumours: the truth of an episode.
 
-Truth is what lies inside the organ and inside a tumour. Segmented tumours may protrude by some millimetres; what
-protrudes is never sensed and counts as nothing.
+Truth is what lies inside the organ and inside a tumour. Segmented tumours may protrude by some millimetres;
+what protrudes is never sensed and counts as nothing.
 """
 
 from dataclasses import dataclass
@@ -113,7 +113,9 @@ def build_anatomy(
         inside_m, outside_share = _draw_inside(organ, tumour, tumour_name, n_detection_points, rng)
         points.append(inside_m)
         if outside_share > REMARKABLE_OUTSIDE_SHARE:
-            remarks.append(f"{tumour_name}: {outside_share:.0%} of it protrudes from the organ and is left out")
+            remarks.append(
+                f"{tumour_name}: {outside_share:.0%} of it protrudes from the organ and is left out"
+            )
     points_m = np.concatenate(points)
     tumour_index = np.repeat(np.arange(len(tumours)), n_detection_points)
     points_m.setflags(write=False)
@@ -137,8 +139,8 @@ def _draw_inside(
         inside_share = n_kept / n_drawn
         if inside_share < LEAST_INSIDE_SHARE:
             raise AnatomyError(
-                f"{name}: only {inside_share:.0%} of it lies inside the organ, at least {LEAST_INSIDE_SHARE:.0%} must; "
-                "check that both files share one frame and unit"
+                f"{name}: only {inside_share:.0%} of it lies inside the organ, at least "
+                f"{LEAST_INSIDE_SHARE:.0%} must; check that both files share one frame and unit"
             )
         if n_kept >= n:
             break

@@ -1,10 +1,10 @@
 """Where vertical rays cross a triangle surface, for many rays at once and with numpy alone.
 
-Triangles are binned on a grid in the xy plane; a point's ray can only meet the triangles of its own bin. Whether a
-place lies within a triangle is decided by which side of each edge it is on. Every edge is evaluated from its lower to
-its higher vertex index, so both triangles that share it see the same rounding, and a ray through the edge is counted
-by exactly one of them. Places are moved by a fixed irrational fraction of a nanometre, so that lattice points do not
-fall on vertices and edges of meshes drawn on the same lattice.
+Triangles are binned on a grid in the xy plane; a point's ray can only meet the triangles of its own bin.
+Whether a place lies within a triangle is decided by which side of each edge it is on. Every edge is evaluated
+from its lower to its higher vertex index, so both triangles that share it see the same rounding, and a ray
+through the edge is counted by exactly one of them. Places are moved by a fixed irrational fraction of a
+nanometre, so that lattice points do not fall on vertices and edges of meshes drawn on the same lattice.
 """
 
 from collections.abc import Iterator
@@ -39,6 +39,7 @@ class VerticalCrossings:
     """
 
     def __init__(self, vertices_m: NDArray[np.float64], faces: NDArray[np.int64]) -> None:
+        """Bins the triangles."""
         corners = vertices_m[faces]
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         normals = np.cross(b - a, c - a)
@@ -104,7 +105,9 @@ class VerticalCrossings:
         n_triangles = self._start[key + 1] - self._start[key]
         ends = np.cumsum(n_triangles)
         n_pairs = int(ends[-1]) if len(ends) else 0
-        cuts = np.searchsorted(ends, np.arange(CHUNK_PAIRS, n_pairs + CHUNK_PAIRS, CHUNK_PAIRS), side="left") + 1
+        cuts = (
+            np.searchsorted(ends, np.arange(CHUNK_PAIRS, n_pairs + CHUNK_PAIRS, CHUNK_PAIRS), side="left") + 1
+        )
         for chunk in np.split(np.arange(len(candidates)), np.unique(np.minimum(cuts, len(candidates)))):
             if len(chunk):
                 point = np.repeat(candidates[chunk], n_triangles[chunk])
@@ -135,7 +138,7 @@ class VerticalCrossings:
 def _edge_lines(
     vertices_m: NDArray[np.float64], faces: NDArray[np.int64], sign: NDArray[np.int64]
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.bool_]]]:
-    """For each of the three edges: origin and direction in the plane (F, 4), and on which side the inside is."""
+    """For each of the three edges: its origin and direction in the plane, (F, 4), and its inner side."""
     lines, is_left = [], []
     for k in range(3):
         tail, head = faces[:, k], faces[:, (k + 1) % 3]

@@ -1,10 +1,10 @@
-"""Signed distance to an organ on a lattice, read by trilinear interpolation: cheap enough to ask at every IK step."""
+"""Signed distance to an organ on a lattice, read by trilinear interpolation: cheap enough for every IK step."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from .solid import Solid, check_points
 from .surface_distance import EXACT_BAND_M, SurfaceDistance, strew_points
@@ -17,9 +17,9 @@ FAR_SAMPLE_SPACING_M = 0.005
 class DistanceGrid:
     """Signed distance [m] to a solid's true surface, positive outside.
 
-    The values at the lattice's nodes are within 0.1 mm closer than 10 mm to the surface and within 1 mm beyond. Between
-    nodes the interpolation rounds off what is sharper than the spacing: at 4 mm it errs by a few tenths of a millimetre
-    on smooth surfaces, by up to about 1.5 mm at sharp margins.
+    The values at the lattice's nodes are within 0.1 mm closer than 10 mm to the surface and within 1 mm
+    beyond. Between nodes the interpolation rounds off what is sharper than the spacing: at 4 mm it errs by a
+    few tenths of a millimetre on smooth surfaces, by up to about 1.5 mm at sharp margins.
 
     Attributes:
         origin_m: First node [m], shape (3,).
@@ -69,13 +69,11 @@ class DistanceGrid:
         """
         return self.distance_and_gradient(points_m)[0]
 
-    def distance_and_gradient(
-        self, points_m: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def distance_and_gradient(self, points_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Signed distance [m] and its gradient at each point.
 
-        Beyond the lattice, q being the closest point of its box, the surface lies inside the box, so its distance is
-        at least sqrt(|p - q|^2 + d(q)^2): this is returned, with its gradient.
+        Beyond the lattice, q being the closest point of its box, the surface lies inside the box, so its
+        distance is at least sqrt(|p - q|^2 + d(q)^2): this is returned, with its gradient.
 
         Args:
             points_m: Query points [m], shape (N, 3).
@@ -108,7 +106,9 @@ class DistanceGrid:
             j[:, None] + np.array([0, 0, 1, 1, 0, 0, 1, 1]),
             k[:, None] + np.array([0, 1, 0, 1, 0, 1, 0, 1]),
         ]
-        along_z = c[:, 0::2] + w[:, None] * (c[:, 1::2] - c[:, 0::2])  # (N, 4): corners 00, 01, 10, 11 in x, y
+        along_z = c[:, 0::2] + w[:, None] * (
+            c[:, 1::2] - c[:, 0::2]
+        )  # (N, 4): corners 00, 01, 10, 11 in x, y
         slope_z = c[:, 1::2] - c[:, 0::2]
         in_y = along_z[:, 0::2] + v[:, None] * (along_z[:, 1::2] - along_z[:, 0::2])
         slope_y = along_z[:, 1::2] - along_z[:, 0::2]
@@ -136,13 +136,13 @@ def _node_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.
 def _far_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance [m] of every lattice node to points strewn on the surface: never too small, good from afar.
 
-    Looking up the nearest of many points is slow from afar, and neighbouring nodes share it. So only every second node
-    along each axis is looked up; those between take the best of what their neighbours found.
+    Looking up the nearest of many points is slow from afar, and neighbouring nodes share it. So only every
+    second node along each axis is looked up; those between take the best of what their neighbours found.
     """
     samples_m = strew_points(solid, FAR_SAMPLE_SPACING_M)[0]
-    tree = cKDTree(samples_m, balanced_tree=False, compact_nodes=False)
+    tree = KDTree(samples_m, balanced_tree=False, compact_nodes=False)
     coarse = [np.minimum(np.arange(0, n + 1, 2), n - 1) for n in nodes_m.shape[:3]]
-    nearest = tree.query(nodes_m[np.ix_(*coarse)])[1]
+    nearest = np.asarray(tree.query(nodes_m[np.ix_(*coarse)])[1])
     below = np.ix_(*[np.arange(n) // 2 for n in nodes_m.shape[:3]])
     above = np.ix_(*[(np.arange(n) + 1) // 2 for n in nodes_m.shape[:3]])
     squared = np.full(nodes_m.shape[:3], np.inf)

@@ -6,7 +6,7 @@ class WorldError(ValueError):
 
 
 class MeshError(WorldError):
-    """A mesh that cannot serve as a closed solid: unreadable, empty, open, inside out, or of the wrong size."""
+    """A mesh that cannot serve as a closed solid: unreadable, empty, open or of the wrong size."""
 
 
 class AnatomyError(WorldError):

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_HOLE_SHARE = 0.35
-"""Longest rim that is filled, as a share of the bounding box's diagonal: a fan across more would invent anatomy."""
+"""Longest rim that is filled, as a share of the bounding box's diagonal: a longer fan invents anatomy."""
 
 
 def fill_holes(
@@ -41,8 +41,8 @@ def fill_holes(
 def _rims(border: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """Closed walks along the border edges; those that pass a vertex more than once are left out.
 
-    Each walk starts the way its first triangle passes the edge, but follows edges either way, since triangles around
-    a hole need not agree yet.
+    Each walk starts the way its first triangle passes the edge, but follows edges either way, since triangles
+    around a hole need not agree yet.
     """
     neighbours: dict[int, list[int]] = {}
     for tail, head in border.tolist():

@@ -1,8 +1,9 @@
 """Making a closed, outward surface of triangles that nearly form one.
 
-In order: duplicate vertices and triangles are merged, small holes filled, neighbouring triangles turned to agree, and
-bodies turned outward. A surface is closed when as many triangles pass each edge one way as the other; this, not the
-stricter "exactly two triangles per edge", is what a winding number needs, so bodies that share an edge are fine.
+In order: duplicate vertices and triangles are merged, small holes filled, neighbouring triangles turned to
+agree, and bodies turned outward. A surface is closed when as many triangles pass each edge one way as the
+other; this, not the stricter "exactly two triangles per edge", is what a winding number needs, so bodies that
+share an edge are fine.
 """
 
 import numpy as np
@@ -17,10 +18,10 @@ Faces = NDArray[np.int64]
 Vertices = NDArray[np.float64]
 
 MERGE_SHARES = (1e-9, 1e-6, 1e-5)
-"""Vertices closer than this share of the bounding box's diagonal are one; a larger share is tried while holes remain."""
+"""Vertices closer than this share of the bounding box's diagonal are one; the next is tried while holes remain."""
 
 
-class RepairFailure(ValueError):
+class RepairError(ValueError):
     """The surface cannot be closed or oriented; the text names why and the remedy."""
 
 
@@ -35,7 +36,7 @@ def repair(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, Faces, list[st
         Vertices, faces, and one sentence for each repair that a user should know of.
 
     Raises:
-        RepairFailure: The surface stays open or cannot be oriented.
+        RepairError: The surface stays open or cannot be oriented.
     """
     notices: list[str] = []
     vertices_m, faces = _merge_until_closed(vertices_m, faces)
@@ -43,16 +44,18 @@ def repair(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, Faces, list[st
     if n_doubled:
         notices.append(f"{n_doubled} doubled triangles were dropped")
     if len(faces) < 4:
-        raise RepairFailure("fewer than 4 triangles with an area remain; export a closed surface")
+        raise RepairError("fewer than 4 triangles with an area remain; export a closed surface")
     if len(border_edges(faces)):
         vertices_m, faces, n_filled = fill_holes(vertices_m, faces, border_edges(faces))
         n_open = len(border_edges(faces))
         if n_open:
-            raise RepairFailure(
+            raise RepairError(
                 f"the surface is open: {n_open} edges border a hole too large or too tangled to fill; "
                 "close it (for instance with MeshLab's Close Holes) and load it again"
             )
-        notices.append(f"the surface was open: {n_filled} small hole{'s were' if n_filled > 1 else ' was'} filled")
+        notices.append(
+            f"the surface was open: {n_filled} small hole{'s were' if n_filled > 1 else ' was'} filled"
+        )
     faces, n_turned = _agree(faces)
     if n_turned:
         notices.append(f"{n_turned} triangles faced the wrong way and were turned")
@@ -131,11 +134,12 @@ def _drop_doubled(faces: Faces) -> tuple[Faces, int]:
 
 
 def _agree(faces: Faces) -> tuple[Faces, int]:
-    """The faces turned so that neighbours pass their common edge in opposite directions, and how many were turned.
+    """The faces turned so that neighbours pass their common edge in opposite directions; how many were.
 
-    Each face stands twice in a graph, as it is and turned. Neighbours that agree link like with like, others link
-    crosswise. A component of this graph is then one consistent orientation of a body; of the two, the one that keeps
-    more faces is chosen. If a face and its turned self fall in one component, the body has only one side.
+    Each face stands twice in a graph, as it is and turned. Neighbours that agree link like with like, others
+    link crosswise. A component of this graph is then one consistent orientation of a body; of the two, the
+    one that keeps more faces is chosen. If a face and its turned self fall in one component, the body has
+    only one side.
     """
     if not _is_balanced_failure(faces):
         return faces, 0
@@ -145,7 +149,9 @@ def _agree(faces: Faces) -> tuple[Faces, int]:
     order = np.argsort(keys, kind="stable")
     sorted_keys = keys[order]
     counts = np.unique(sorted_keys, return_counts=True)[1]
-    first = (np.cumsum(counts) - counts)[counts == 2]  # edges of four triangles do not tell who neighbours whom
+    first = (np.cumsum(counts) - counts)[
+        counts == 2
+    ]  # edges of four triangles do not tell who neighbours whom
     one, other = order[first], order[first + 1]
     is_crosswise = edges[one, 0] == edges[other, 0]
     a, b = one // 3, other // 3
@@ -154,12 +160,12 @@ def _agree(faces: Faces) -> tuple[Faces, int]:
     n_components, label = connected_components(graph, directed=False)
     as_is, turned = label[:n], label[n:]
     if (as_is == turned).any():
-        raise RepairFailure("the surface has only one side, like a Moebius strip; remesh it")
+        raise RepairError("the surface has only one side, like a Moebius strip; remesh it")
     n_kept = np.bincount(as_is, minlength=n_components)
     turns = (n_kept[as_is] < n_kept[turned]) | ((n_kept[as_is] == n_kept[turned]) & (as_is > turned))
     result = np.where(turns[:, None], faces[:, ::-1], faces)
     if _is_balanced_failure(result):
-        raise RepairFailure(
+        raise RepairError(
             "triangles meet at edges so that no orientation makes the surface closed; "
             "separate the touching parts or remesh it"
         )

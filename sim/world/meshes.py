@@ -1,4 +1,4 @@
-"""Reading organ and tumour meshes from files: every mesh that leaves here is a closed, outward solid in metres."""
+"""Reading organ and tumour meshes from files: what leaves here is a closed, outward surface in metres."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .crossings import VerticalCrossings
 from .errors import MeshError
-from .mesh_repair import RepairFailure, repair
+from .mesh_repair import RepairError, repair
 
 Unit = Literal["mm", "m"]
 Role = Literal["organ", "tumour"]
@@ -40,7 +40,15 @@ REMARKABLE_OVERLAP_SHARE = 0.01
 TEST_LATTICE = 32
 """Points per axis of the lattice on which the winding number is examined."""
 
-READER_ERRORS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError)
+READER_ERRORS = (
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    AttributeError,
+    AssertionError,
+    RuntimeError,
+)
 """What a reader fed with arbitrary bytes may raise, beside OSError, EOFError and MemoryError."""
 
 
@@ -62,8 +70,8 @@ class LoadedMesh:
 def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> LoadedMesh:
     """A mesh file as a closed, outward solid in metres.
 
-    Duplicate vertices and triangles are merged, small holes filled and inverted windings turned; each repair is
-    mentioned in the notices.
+    Duplicate vertices and triangles are merged, small holes filled and inverted windings turned; each repair
+    is mentioned in the notices.
 
     Args:
         path: An STL, OBJ or PLY file.
@@ -86,8 +94,8 @@ def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> L
     _check_extent(path, vertices_m[np.unique(faces)], unit, role)
     try:
         vertices_m, faces, notices = repair(vertices_m, faces)
-    except RepairFailure as failure:
-        raise MeshError(f"{path}: {failure}") from failure
+    except RepairError as error:
+        raise MeshError(f"{path}: {error}") from error
     mesh = trimesh.Trimesh(vertices_m, faces, process=False)
     _check_volume(path, mesh)
     notices = [*notices, *_check_winding(path, mesh), *_remark_on_size(mesh, role)]
@@ -99,7 +107,7 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     if not path.is_file():
         raise MeshError(f"{path}: there is no such file; check the path")
     if path.suffix.lower() not in FORMATS:
-        raise MeshError(f"{path}: the format {path.suffix!r} is not read; convert it to one of {', '.join(FORMATS)}")
+        raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
     try:
         mesh = trimesh.load_mesh(path, process=False)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
@@ -126,8 +134,12 @@ def _first_line(error: BaseException) -> str:
 def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role: Role) -> None:
     extent_m = float(np.ptp(vertices_m, axis=0).max())
     if extent_m > LARGEST_EXTENT_M:
-        remedy = "if the file is in millimetres, pass --unit mm" if unit == "m" else "check the file's coordinates"
-        raise MeshError(f"{path}: the bounding box is {extent_m:.4g} m long, above {LARGEST_EXTENT_M:g} m; {remedy}")
+        remedy = (
+            "if the file is in millimetres, pass --unit mm" if unit == "m" else "check the file's coordinates"
+        )
+        raise MeshError(
+            f"{path}: its bounding box of {extent_m:.4g} m is above {LARGEST_EXTENT_M:g} m; {remedy}"
+        )
     smallest_m = SMALLEST_EXTENT_M[role]
     if extent_m < smallest_m:
         remedy = "if the file is in metres, pass --unit m" if unit == "mm" else "check the file's coordinates"
@@ -149,13 +161,15 @@ def _check_volume(path: Path, mesh: trimesh.Trimesh) -> None:
 def _check_winding(path: Path, mesh: trimesh.Trimesh) -> list[str]:
     """Notices on overlaps, after making sure that hardly any of the volume is inside out.
 
-    A closed surface that does not cross itself has winding number 0 or 1 everywhere. Where it crosses itself, parts
-    are covered twice or more, which still count as inside, or are inside out with a negative number, where "inside"
-    loses its meaning. Both are measured on a lattice off the vertices' own planes.
+    A closed surface that does not cross itself has winding number 0 or 1 everywhere. Where it crosses itself,
+    parts are covered twice or more, which still count as inside, or are inside out with a negative number,
+    where "inside" loses its meaning. Both are measured on a lattice off the vertices' own planes.
     """
     low, extent = mesh.vertices.min(axis=0), np.ptp(mesh.vertices, axis=0)
     ticks = (np.arange(TEST_LATTICE) + np.sqrt(2.0) - 1.0) / TEST_LATTICE
-    points_m = low + extent * np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    points_m = low + extent * np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(
+        -1, 3
+    )
     winding = VerticalCrossings(np.asarray(mesh.vertices), np.asarray(mesh.faces)).winding(points_m)
     n_inside = max(int((winding > 0).sum()), 1)
     reversed_share = int((winding < 0).sum()) / n_inside

@@ -1,7 +1,7 @@
 """Laying an organ on the table, or putting it at an explicit pose; its tumours move with it.
 
-Patient axes are LPS: +x to the patient's left, +y to the back, +z to the head. On the table the patient's front is up:
-world x = left, world y = head, world z = front (-y of LPS).
+Patient axes are LPS: +x to the patient's left, +y to the back, +z to the head. On the table the patient's
+front is up: world x = left, world y = head, world z = front (-y of LPS).
 """
 
 from dataclasses import dataclass
@@ -129,6 +129,10 @@ def check_rigid(T: NDArray[np.float64]) -> None:
     R = T[:3, :3]
     error = float(np.abs(R.T @ R - np.eye(3)).max())
     if error > ROTATION_TOLERANCE:
-        raise PlacementError(f"the pose's rotation scales or shears (R^T R is off by {error:.2g}); orthonormalise it")
+        raise PlacementError(
+            f"the pose's rotation scales or shears (R^T R is off by {error:.2g}); orthonormalise it"
+        )
     if np.linalg.det(R) < 0.0:
-        raise PlacementError("the pose's rotation mirrors (determinant -1); negate one axis to make it right-handed")
+        raise PlacementError(
+            "the pose's rotation mirrors (determinant -1); negate one axis to make it right-handed"
+        )

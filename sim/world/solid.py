@@ -1,8 +1,8 @@
 """A closed solid bounded by triangles, and the exact answer to which points lie inside it.
 
-A point is inside where the winding number of the surface about it is positive. The number is counted along the ray
-towards +z: each triangle crossed on the way out counts +1, each crossed on the way in counts -1. Solids that overlap
-themselves (two bodies in one file) are therefore their union.
+A point is inside where the winding number of the surface about it is positive. The number is counted along
+the ray towards +z: each triangle crossed on the way out counts +1, each crossed on the way in counts -1.
+Solids that overlap themselves (two bodies in one file) are therefore their union.
 """
 
 from dataclasses import dataclass, field
@@ -155,7 +155,9 @@ class Solid:
             kept.append(candidates[self.contains(candidates)])
             n_kept += len(kept[-1])
         if n_kept < n:
-            raise MeshError(f"solid of volume {self.volume_m3:.3g} m^3 has no interior to draw {n} points from")
+            raise MeshError(
+                f"solid of volume {self.volume_m3:.3g} m^3 has no interior to draw {n} points from"
+            )
         return np.concatenate([*kept, np.empty((0, 3))])[:n]
 
     def transformed(self, T_target_solid: ArrayLike) -> "Solid":
@@ -190,4 +192,4 @@ def _check_arrays(vertices_m: NDArray[np.float64], faces: NDArray[np.int64]) -> 
     if not np.isfinite(vertices_m).all():
         raise MeshError("vertices_m holds values that are not finite")
     if faces.min() < 0 or faces.max() >= len(vertices_m):
-        raise MeshError(f"faces index vertices {faces.min()}..{faces.max()}, but there are {len(vertices_m)}")
+        raise MeshError(f"faces index {faces.min()}..{faces.max()}, but there are {len(vertices_m)} vertices")

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from .errors import MeshError
 from .solid import Solid
@@ -13,7 +13,7 @@ N_NEIGHBOURS = 10
 """Neighbours to which the tangent plane is fitted, as in the paper."""
 
 MAX_TILT_RAD = np.deg2rad(60.0)
-"""A face counts as upper if its outward normal is within this angle of +z: steeper ones an arm above cannot press."""
+"""A face counts as upper if its outward normal is this close to +z: an arm above cannot press steeper ones."""
 
 LIFT_M = 1e-6
 """How far above the face the view towards +z starts [m], so that the face does not hide itself."""
@@ -22,7 +22,7 @@ CANDIDATES_PER_POSE = 12
 """Random surface points drawn per pose wanted; from these the even ones are picked."""
 
 DISC_CONSTANT = 0.70
-"""n r^2 / area of a maximal random packing of points at least r apart in the plane (coverage 0.547 by discs of r/2)."""
+"""First guess of n r^2 / area for random points at least r apart: discs of r/2 then cover 0.547."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +77,9 @@ def upper_surface_workspace(
 ) -> SensingSurface:
     """Even positions on the part of a surface that faces up and is seen from above, with inward normals.
 
-    A face belongs to it if its outward normal is within `max_tilt_rad` of +z and nothing of the solid is above it.
-    Positions are a Poisson-disc sample: random points of that part, in random order, each kept if no kept one is near.
+    A face belongs to it if its outward normal is within `max_tilt_rad` of +z and nothing of the solid is
+    above it. Positions are a Poisson-disc sample: random points of that part, in random order, each kept if
+    no kept one is near.
 
     Args:
         solid: The organ, in a frame with z up.
@@ -98,12 +99,13 @@ def upper_surface_workspace(
     if not 0.0 < max_tilt_rad <= np.pi / 2:
         raise ValueError(f"max_tilt_rad={max_tilt_rad} must be above 0 and at most pi/2")
     candidates_m, faces, area_m2 = _strew_upper(solid, CANDIDATES_PER_POSE * n_poses, max_tilt_rad, rng)
-    radius_m = np.sqrt(DISC_CONSTANT * area_m2 / n_poses)
-    kept = thin_to_spacing(candidates_m, radius_m)
+    spacing_m = np.sqrt(DISC_CONSTANT * area_m2 / n_poses)
+    kept = thin_to_spacing(candidates_m, spacing_m)
+    kept = thin_to_spacing(candidates_m, spacing_m * np.sqrt(len(kept) / n_poses))  # the constant is a guess
     positions_m = candidates_m[kept]
     if len(positions_m) < N_NEIGHBOURS + 1:
         raise MeshError(
-            f"only {len(positions_m)} positions fit on the upper surface of {area_m2 * 1e6:.3g} mm^2; ask for more"
+            f"only {len(positions_m)} positions fit on {area_m2 * 1e6:.3g} mm^2 of upper surface; ask for more"
         )
     inward = -solid.face_normals()[faces[kept]]
     return SensingSurface(positions_m, fit_normals(positions_m, inward))
@@ -119,7 +121,7 @@ def fit_normals(positions_m: NDArray[np.float64], toward: NDArray[np.float64]) -
     Returns:
         Shape (N, 3).
     """
-    neighbours = cKDTree(positions_m).query(positions_m, k=N_NEIGHBOURS + 1)[1]
+    neighbours = KDTree(positions_m).query(positions_m, k=N_NEIGHBOURS + 1)[1]
     patches = positions_m[neighbours]
     centred = patches - patches.mean(axis=1, keepdims=True)
     scatter = np.einsum("nki,nkj->nij", centred, centred)
@@ -137,7 +139,7 @@ def thin_to_spacing(points_m: NDArray[np.float64], spacing_m: float) -> NDArray[
     Returns:
         Sorted indices.
     """
-    pairs = cKDTree(points_m).query_pairs(spacing_m, output_type="ndarray")
+    pairs = KDTree(points_m).query_pairs(spacing_m, output_type="ndarray")
     order = np.argsort(pairs[:, 0], kind="stable")
     later = pairs[order, 1]
     start = np.searchsorted(pairs[order, 0], np.arange(len(points_m) + 1))
@@ -151,12 +153,14 @@ def thin_to_spacing(points_m: NDArray[np.float64], spacing_m: float) -> NDArray[
 def _strew_upper(
     solid: Solid, n_candidates: int, max_tilt_rad: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], float]:
-    """Random points, even in area, on the upper visible surface; their faces; the area of that surface [m^2]."""
+    """Random points, even in area, on the upper visible surface; their faces; that surface's area [m^2]."""
     upward = solid.face_normals()[:, 2]
     areas_m2 = np.where(upward >= np.cos(max_tilt_rad) - 1e-12, solid.face_areas_m2(), 0.0)
     total_m2 = float(areas_m2.sum())
     if total_m2 == 0.0:
-        raise MeshError(f"no face points up within {np.rad2deg(max_tilt_rad):.3g} degrees; turn the organ or the limit")
+        raise MeshError(
+            f"no face points up within {np.rad2deg(max_tilt_rad):.3g} degrees; turn the organ or the limit"
+        )
     cumulative = np.cumsum(areas_m2)
     drawn = np.searchsorted(cumulative, rng.uniform(0.0, total_m2, n_candidates), side="right")
     faces = np.minimum(drawn, len(areas_m2) - 1)

@@ -1,14 +1,14 @@
 """Distance from points to a triangle surface, signed by which side they are on.
 
-A KD-tree over points strewn on the surface, vertices included, names the triangles near a query; the distance to these
-is exact (closest point of a triangle: Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Far from the
-surface the distance to the nearest strewn point is already within r^2 / (2 d) of the truth, r being how far a surface
-point can be from the nearest strewn one.
+A KD-tree over points strewn on the surface, vertices included, names the triangles near a query; the distance
+to these is exact (closest point of a triangle: Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
+Far from the surface the distance to the nearest strewn point is already within r^2 / (2 d) of the truth, r
+being how far a surface point can be from the nearest strewn one.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from .solid import Solid, check_points
 
@@ -19,7 +19,7 @@ EXACT_BAND_M = 0.010
 """Closer than this [m] the distance is taken to the triangles; beyond it r^2 / (2 d) is below 0.07 mm."""
 
 N_NEAR_SAMPLES = 6
-"""Strewn points looked up per query in the band: their triangles include the closest one but for its neighbours."""
+"""Strewn points looked up per query in the band: their triangles include the closest or a neighbour of it."""
 
 
 class SurfaceDistance:
@@ -30,14 +30,16 @@ class SurfaceDistance:
     """
 
     def __init__(self, solid: Solid) -> None:
+        """Strews the points and builds their tree."""
         self._solid = solid
         samples_m, self._sample_face = strew_points(solid, SAMPLE_SPACING_M)
-        # Neither balanced nor compact: queries far from the surface, where most of a lattice lies, run 2-4x faster.
-        self._tree = cKDTree(samples_m, balanced_tree=False, compact_nodes=False)
+        # Neither balanced nor compact: queries far from the surface, where most of a lattice lies, run 2-4x
+        # faster.
+        self._tree = KDTree(samples_m, balanced_tree=False, compact_nodes=False)
         self._corners_m = solid.vertices_m[solid.faces]
 
     def distance_to_triangles_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance [m] to the triangles around the nearest strewn points, shape (N,): exact close to the surface."""
+        """Distance [m] to the triangles of the nearest strewn points, shape (N,): exact close to the surface."""
         n_near = min(N_NEAR_SAMPLES, self._tree.n)
         faces = self._sample_face[self._tree.query(points_m, k=n_near)[1].reshape(-1, n_near)]
         repeated = np.repeat(points_m, n_near, axis=0)
@@ -76,6 +78,9 @@ class SurfaceDistance:
 def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Points on every triangle, its corners included, such that no surface point is far from one.
 
+    Triangles are halved across their longest edge until all edges are short, so slivers cost no more than
+    their area.
+
     Args:
         solid: The solid whose surface is meant.
         spacing_m: Longest edge of the pieces whose corners are the points [m].
@@ -83,17 +88,22 @@ def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], N
     Returns:
         Points [m], shape (P, 3), and a triangle that each lies on, shape (P,).
     """
-    corners = solid.vertices_m[solid.faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    n_divisions = np.maximum(np.ceil(longest / spacing_m), 1).astype(np.int64)
     vertices, first_use = np.unique(solid.faces, return_index=True)
-    points, faces = [solid.vertices_m[vertices]], [first_use // 3]
-    for n in np.unique(n_divisions[n_divisions > 1]):
-        members = np.flatnonzero(n_divisions == n)
-        weights = _division_points(int(n))
-        points.append(np.einsum("pk,fkd->fpd", weights, corners[members]).reshape(-1, 3))
-        faces.append(np.repeat(members, len(weights)))
-    return np.concatenate(points), np.concatenate(faces)
+    points, owners = [solid.vertices_m[vertices]], [first_use // 3]
+    corners, owner = solid.vertices_m[solid.faces], np.arange(len(solid.faces))
+    while len(corners):
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        is_long = lengths.max(axis=1) > spacing_m
+        corners, owner, longest = corners[is_long], owner[is_long], lengths[is_long].argmax(axis=1)
+        a, b, c = (
+            np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3)
+        )
+        middle = 0.5 * (a + b)
+        points.append(middle)
+        owners.append(owner)
+        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+        owner = np.concatenate([owner, owner])
+    return np.concatenate(points), np.concatenate(owners)
 
 
 def closest_points_on_triangles(
@@ -114,7 +124,9 @@ def closest_points_on_triangles(
     best = np.take_along_axis(on_edges, squared.argmin(axis=0)[None, :, None], axis=0)[0]
     normal = np.cross(b - a, c - a)
     area = np.einsum("ij,ij->i", normal, normal)
-    height = np.divide(np.einsum("ij,ij->i", points - a, normal), area, out=np.zeros_like(area), where=area > 0)
+    height = np.divide(
+        np.einsum("ij,ij->i", points - a, normal), area, out=np.zeros_like(area), where=area > 0
+    )
     foot = points - height[:, None] * normal
     is_over_face = area > 0
     for p, q in ((a, b), (b, c), (c, a)):
@@ -130,10 +142,3 @@ def _closest_on_segment(
     t = np.einsum("ij,ij->i", points - start, along)
     t = np.clip(np.divide(t, squared, out=np.zeros_like(t), where=squared > 0), 0.0, 1.0)
     return start + t[:, None] * along
-
-
-def _division_points(n: int) -> NDArray[np.float64]:
-    """Barycentric corners of the n^2 equal pieces of a triangle, without its own corners, shape (P, 3)."""
-    i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij")
-    weights = np.stack([n - i - j, i, j], axis=-1).reshape(-1, 3) / n
-    return weights[(weights.min(axis=1) >= 0.0) & (weights.max(axis=1) < 1.0)]

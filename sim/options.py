@@ -62,6 +62,8 @@ class EpisodeOptions:
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
     prior_prevalence: float | None = None
     """Share of the organ expected to be tumour before anything is sensed; 0.5 is the paper's."""
+    weight_variance: float | None = None
+    """Prior variance of each of the map's weights; the paper only says that it is high."""
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
     ei_values: Literal["latent", "probability"] = "latent"
@@ -121,6 +123,8 @@ class EpisodeOptions:
         changes: dict[str, Any] = {"form": self.map_form}
         if self.prior_prevalence is not None:
             changes["prior_prevalence"] = self.prior_prevalence
+        if self.weight_variance is not None:
+            changes["weight_variance"] = self.weight_variance
         if self.em_iterations is not None:
             changes["n_em_iterations"] = self.em_iterations
         return MapSettings(**changes)

@@ -112,8 +112,8 @@ def _camera(scene: Scene, settings: RenderSettings) -> mujoco.MjvCamera:
     size_m = float(np.linalg.norm(high_m - low_m))
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = (low_m + high_m) / 2.0 + np.array([-0.35, 0.0, 0.35]) * size_m
-    camera.distance = 3.3 * size_m + (0.0 if scene.free_probe else 0.12)
+    camera.lookat[:] = (low_m + high_m) / 2.0 + np.array([-0.16, 0.0, 0.24]) * size_m
+    camera.distance = 2.6 * size_m
     camera.azimuth, camera.elevation = settings.azimuth_deg, settings.elevation_deg
     return camera
 

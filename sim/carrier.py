@@ -20,7 +20,7 @@ class Carrier(ABC):
     """Brings the probe to the poses of one workspace."""
 
     joint_names: tuple[str, ...] = ()
-    """Names of the joints in the order of `IkResult.q`; empty for a free-flying probe."""
+    """Names of the joints, with their unit, in the order of `IkResult.q`; empty for a free-flying probe."""
 
     @abstractmethod
     def reach(self, pose: int) -> IkResult:
@@ -42,7 +42,7 @@ class ArmCarrier(Carrier):
         self._kinematics = Kinematics(scene, Clearance(scene, organ_distance), settings)
         self._answers: dict[int, IkResult] = {}
         model = scene.model
-        self.joint_names = tuple(model.joint(i).name.removeprefix("arm_") for i in range(model.njnt))
+        self.joint_names = tuple(_joint_column(model, i) for i in range(model.njnt))
 
     def reach(self, pose: int) -> IkResult:
         """See `Carrier.reach`."""
@@ -81,6 +81,11 @@ class FreeCarrier(Carrier):
         data.mocap_pos[0] = tip_m - R_world_probe @ self._tip_in_body_m
         mujoco.mju_mat2Quat(data.mocap_quat[0], R_world_probe.ravel())
         mujoco.mj_fwdPosition(data.model, data)
+
+
+def _joint_column(model: mujoco.MjModel, joint: int) -> str:
+    name = model.joint(joint).name.removeprefix("arm_") or f"joint{joint + 1}"
+    return f"{name}_m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else f"{name}_rad"
 
 
 def _frame_along(normal: NDArray[np.float64]) -> NDArray[np.float64]:

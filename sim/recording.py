@@ -25,8 +25,23 @@ from .errors import UsageError
 
 MANIFEST = "manifest.json"
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp")
-WRITTEN = ("config.json", "steps.csv", "states.csv", "summary.json", "map.npz")
+WRITTEN = ("config.json", "steps.csv", "skipped.csv", "states.csv", "summary.json", "map.npz")
 """Files of a run besides the manifest, figures and frames."""
+
+
+def check_out_folder(path: Path, *, overwrite: bool) -> None:
+    """Nothing, if a run may be written to a folder; called early, so that no work is lost on a bad folder.
+
+    Raises:
+        UsageError: The path is a file, is not writable, or holds a run and `overwrite` is not set.
+    """
+    if path.exists() and not path.is_dir():
+        raise UsageError(f"{path}: is a file, not a folder. Choose another --out.")
+    existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise UsageError(f"{path}: cannot write there (no permission in {existing}). Choose another --out.")
+    if (path / MANIFEST).exists() and not overwrite:
+        raise UsageError(f"{path}: already holds a run. Choose another --out, or add --overwrite to replace it.")
 
 
 class RunFolder:
@@ -38,6 +53,7 @@ class RunFolder:
         Raises:
             UsageError: The folder holds a run already, belongs to a running process, or cannot be written.
         """
+        check_out_folder(path, overwrite=overwrite)
         self.path = path
         self._tables: dict[str, tuple[io.TextIOWrapper, Any]] = {}
         self._manifest: dict[str, Any] = {}
@@ -50,9 +66,6 @@ class RunFolder:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             raise UsageError(f"{path}: another run is writing there. Choose another --out.") from error
-        if (path / MANIFEST).exists() and not overwrite:
-            self._lock.close()
-            raise UsageError(f"{path}: already holds a run. Choose another --out, or add --overwrite to replace it.")
         self._remove_old_run()
 
     def begin(self, config: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
@@ -67,7 +80,7 @@ class RunFolder:
         self.write_json(MANIFEST, self._manifest)
 
     def append_row(self, name: str, row: Mapping[str, Any]) -> None:
-        """Append a row to a CSV file, on the disk when this returns. The first row fixes the columns."""
+        """Append a row to a CSV file, safe from the process's end on. The first row fixes the columns."""
         if name not in self._tables:
             file = (self.path / name).open("w", newline="", encoding="utf-8")
             writer = csv.DictWriter(file, fieldnames=list(row), lineterminator="\n")
@@ -76,7 +89,6 @@ class RunFolder:
         file, writer = self._tables[name]
         writer.writerow({key: _cell(value) for key, value in row.items()})
         file.flush()
-        os.fsync(file.fileno())
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Replace a JSON file at once: a reader sees the old or the new one, never half of it."""
@@ -93,8 +105,6 @@ class RunFolder:
         temporary = self.path / f".{name}.part"
         with temporary.open("wb") as file:
             file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
         temporary.replace(self.path / name)
 
     def _remove_old_run(self) -> None:

@@ -91,7 +91,7 @@ def _record(
     if renderer is not None:
         (folder.path / "frames").mkdir(exist_ok=True)
         frames = FrameWriter(folder.path / "frames", renderer, episode)
-    progress = tqdm(total=options.steps, desc="sensing", unit="action", disable=None)
+    progress = tqdm(total=options.steps, desc="sensing", unit="action", mininterval=0.5)
     render_s = 0.0
     try:
         for step in episode.steps(options.steps, until_sensed=options.until_sensed):
@@ -113,7 +113,7 @@ def _record(
                 frames.write("final.png", tally.steps[-1])
             frames.close()
         summary = _summary(options, episode, tally, episode.metrics())
-        summary |= {"status": status, "setup_s": setup_s, "render_s": render_s, "wall_s": perf_counter() - start_s}
+        summary |= {"folder": str(folder.path), "status": status, "setup_s": setup_s, "render_s": render_s, "wall_s": perf_counter() - start_s}
         _close_run(folder, episode, tally, summary)
         folder.finish(status)
     return summary

@@ -19,6 +19,11 @@ PAPER_UNIT_M = 0.03
 """One unit of length of the paper; see docs/architecture.md."""
 
 
+def _require(holds: bool, text: str) -> None:
+    if not holds:
+        raise UsageError(text)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
     """Everything about the case at hand; SI units. Any field can be set in a scenario's TOML file."""
@@ -124,7 +129,3 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
     except (TypeError, UsageError) as error:
         raise UsageError(f"{path}: {error}") from error
 
-
-def _require(holds: bool, text: str) -> None:
-    if not holds:
-        raise UsageError(text)

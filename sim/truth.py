@@ -53,7 +53,6 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
     return Truth(
         anatomy=anatomy,
         scene=build_scene(anatomy, stage.cone, arm=stage.arm),
-        detection_points_m=points_m,
         is_tumour=anatomy.is_tumour(stage.search_points_m),
         attainable_fraction=fraction,
     )
@@ -73,12 +72,12 @@ def _planted(stage: Stage, rng: np.random.Generator) -> tuple[Solid, ...]:
             scenario.n_tumours,
             radius_m=scenario.tumour_radius_m,
             rng=rng,
-            attainable_fraction=attainable_fraction,
+            is_attainable=attainable_fraction,
         )
     return plant_lobulated(
         stage.organ,
         scenario.n_tumours,
         diameter_range_m=scenario.tumour_diameter_range_m,
         rng=rng,
-        attainable_fraction=attainable_fraction,
+        is_attainable=attainable_fraction,
     )

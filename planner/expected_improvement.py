@@ -4,24 +4,21 @@ Algorithms 1 and 2 of Cho, Hermans and Kuntz (2021). What the paper leaves open 
 defaults are the readings under which every trial found its tumour.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mapping import Prediction
 
 from .acquisition import log_expected_improvement, probability_variance
 from .errors import PlannerError
 from .planner import Planner
 from .random_order import random_order
 from .situation import Situation
-
-if TYPE_CHECKING:
-    from mapping import Prediction
 
 Values = Literal["latent", "probability"]
 PoseRule = Literal["best-aligned", "first-within-threshold"]

@@ -1,20 +1,16 @@
 """What a planner may know when it is asked for the next pose. The truth is not among it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapping import Prediction
+
 from .cone import Cone
 from .errors import PlannerError
 from .workspace import Workspace
-
-if TYPE_CHECKING:
-    from mapping import Prediction
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

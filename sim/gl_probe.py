@@ -63,6 +63,9 @@ def probe_gl(name: str) -> GlProbe:
     """
     command = [sys.executable, "-c", _PROBE]
     environment = {**os.environ, "MUJOCO_GL": name}
+    environment.pop(
+        "PYOPENGL_PLATFORM", None
+    )  # left there by a renderer loaded earlier, it would rule the others out
     try:
         done = subprocess.run(
             command, env=environment, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S

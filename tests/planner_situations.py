@@ -1,24 +1,11 @@
-"""Small worlds for the planners' tests: a flat grid of poses over a box of search points, a mock belief."""
+"""Small worlds for the planners' tests: a flat grid of poses over a box of search points for beliefs."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit
 
+from mapping import Prediction
 from planner import Cone, Situation, Workspace
-
-
-@dataclass(frozen=True, eq=False)
-class MockPosterior:
-    """A belief that says what the test wants."""
-
-    latent_mean: np.ndarray
-    latent_variance: np.ndarray
-
-    @property
-    def probability(self):
-        return expit(self.latent_mean / np.sqrt(1.0 + math.pi / 8.0 * self.latent_variance))
 
 
 def flat_workspace(n_side=20, width_m=0.18):
@@ -38,7 +25,7 @@ def make_situation(*, workspace=None, points=None, mean=None, variance=None, sen
     points = box_points() if points is None else points
     prediction = None
     if mean is not None:
-        prediction = MockPosterior(mean, np.ones(len(points)) if variance is None else variance)
+        prediction = Prediction(mean, np.ones(len(points)) if variance is None else variance)
     return Situation(
         workspace=flat_workspace() if workspace is None else workspace,
         cone=Cone(math.radians(11.5), 0.102),

@@ -35,7 +35,11 @@ class ArmCarrier(Carrier):
     """The scene's arm, by inverse kinematics. Answers are kept: a pose is solved once per workspace."""
 
     def __init__(
-        self, scene: Scene, workspace: Workspace, organ_distance: DistanceGrid, settings: IkSettings | None = None
+        self,
+        scene: Scene,
+        workspace: Workspace,
+        organ_distance: DistanceGrid,
+        settings: IkSettings | None = None,
     ) -> None:
         """Prepare the kinematics of `scene`'s arm; `organ_distance` is the organ's signed distance grid."""
         self._workspace = workspace

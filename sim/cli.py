@@ -26,8 +26,8 @@ class DoctorOptions:
 
 COMMANDS = {"episode": EpisodeOptions, "doctor": DoctorOptions}
 DESCRIPTION = (
-    "Sounding plans where a robot arm presses an ultrasound-like probe on an organ, so that hidden tumours are mapped in "
-    "few sensing actions."
+    "Sounding plans where a robot arm presses an ultrasound-like probe on an organ, so that hidden tumours are "
+    "mapped in few sensing actions."
 )
 
 
@@ -45,7 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"sounding: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
     except OSError as error:
-        print(f"sounding: {error.filename or 'file'}: {error.strerror}. What was written so far is kept.", file=sys.stderr)
+        print(
+            f"sounding: {error.filename or 'file'}: {error.strerror}. What was written so far is kept.",
+            file=sys.stderr,
+        )
         return EXIT_BAD_INPUT
 
 
@@ -62,7 +65,9 @@ def _episode(options: EpisodeOptions) -> int:
     try:
         summary = run_episode(options)
     except KeyboardInterrupt:
-        print("sounding: interrupted; the run folder holds what was done, marked unfinished.", file=sys.stderr)
+        print(
+            "sounding: interrupted; the run folder holds what was done, marked unfinished.", file=sys.stderr
+        )
         return EXIT_INTERRUPTED
     print(episode_table(summary))
     return 0

@@ -195,4 +195,3 @@ def _prior_map(stage: Stage, settings: MapSettings) -> HilbertMap:
     return HilbertMap(
         stage.hinges, settings, query=stage.query, query_mask=stage.is_inside, hinge_mask=stage.hinge_mask
     )
-

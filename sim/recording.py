@@ -10,7 +10,7 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -41,7 +41,9 @@ def check_out_folder(path: Path, *, overwrite: bool) -> None:
     if not os.access(existing, os.W_OK | os.X_OK):
         raise UsageError(f"{path}: cannot write there (no permission in {existing}). Choose another --out.")
     if (path / MANIFEST).exists() and not overwrite:
-        raise UsageError(f"{path}: already holds a run. Choose another --out, or add --overwrite to replace it.")
+        raise UsageError(
+            f"{path}: already holds a run. Choose another --out, or add --overwrite to replace it."
+        )
 
 
 class RunFolder:
@@ -61,7 +63,9 @@ class RunFolder:
             path.mkdir(parents=True, exist_ok=True)
             self._lock = (path / ".lock").open("w")
         except OSError as error:
-            raise UsageError(f"{path}: cannot write there ({error.strerror}). Choose another --out.") from error
+            raise UsageError(
+                f"{path}: cannot write there ({error.strerror}). Choose another --out."
+            ) from error
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -98,7 +102,8 @@ class RunFolder:
     def write_arrays(self, name: str, *, compressed: bool, **arrays: NDArray[Any]) -> None:
         """Replace an npz file at once."""
         buffer = io.BytesIO()
-        (np.savez_compressed if compressed else np.savez)(buffer, **arrays)
+        save: Callable[..., None] = np.savez_compressed if compressed else np.savez
+        save(buffer, **arrays)
         self._replace(name, buffer.getvalue())
 
     def _replace(self, name: str, content: bytes) -> None:
@@ -109,7 +114,11 @@ class RunFolder:
 
     def _remove_old_run(self) -> None:
         frames = self.path / "frames"
-        old = [*(self.path / name for name in (*WRITTEN, MANIFEST)), *self.path.glob("*.png"), *frames.glob("*.png")]
+        old = [
+            *(self.path / name for name in (*WRITTEN, MANIFEST)),
+            *self.path.glob("*.png"),
+            *frames.glob("*.png"),
+        ]
         for file in old:
             file.unlink(missing_ok=True)
 

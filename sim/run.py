@@ -54,7 +54,11 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     """The arm that the options name, None for a free-flying probe."""
     if options.arm == "none":
         return None
-    return ArmModel(flange=options.flange) if options.arm == "default" else ArmModel(Path(options.arm), options.flange)
+    return (
+        ArmModel(flange=options.flange)
+        if options.arm == "default"
+        else ArmModel(path=Path(options.arm), flange=options.flange)
+    )
 
 
 def run_episode(options: EpisodeOptions) -> dict[str, Any]:
@@ -69,7 +73,10 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
     planner, map_settings = options.make_planner(), options.make_map_settings()
-    with threadpool_limits(limits=1), ExitStack() as stack:  # two BLAS pools on two threads fight; and bytes repeat
+    with (
+        threadpool_limits(limits=1),
+        ExitStack() as stack,
+    ):  # two BLAS pools on two threads fight; and bytes repeat
         stage = build_stage(scenario, arm_model(options), map_settings)
         episode = Episode(stage, planner, seed=options.seed, map_settings=map_settings)
         renderer = None
@@ -83,7 +90,11 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
 
 
 def _record(
-    episode: Episode, options: EpisodeOptions, folder: RunFolder, renderer: SceneRenderer | None, start_s: float
+    episode: Episode,
+    options: EpisodeOptions,
+    folder: RunFolder,
+    renderer: SceneRenderer | None,
+    start_s: float,
 ) -> dict[str, Any]:
     """Run the loop, writing as it goes, and close the folder whatever ends it."""
     tally, setup_s, status = Tally(), perf_counter() - start_s, "finished"
@@ -113,7 +124,13 @@ def _record(
                 frames.write("final.png", tally.steps[-1])
             frames.close()
         summary = _summary(options, episode, tally, episode.metrics())
-        summary |= {"folder": str(folder.path), "status": status, "setup_s": setup_s, "render_s": render_s, "wall_s": perf_counter() - start_s}
+        summary |= {
+            "folder": str(folder.path),
+            "status": status,
+            "setup_s": setup_s,
+            "render_s": render_s,
+            "wall_s": perf_counter() - start_s,
+        }
         _close_run(folder, episode, tally, summary)
         folder.finish(status)
     return summary
@@ -209,7 +226,9 @@ def _summary(
         "sensed_fraction": None if last is None else last.sensed_fraction,
         "attainable_fraction": episode.truth.attainable_fraction,
         **({} if metrics is None else dataclasses.asdict(metrics)),
-        "n_points_per_tumour": [int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))],
+        "n_points_per_tumour": [
+            int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))
+        ],
         "n_skipped_poses": tally.n_skipped_poses,
         **tally.seconds(),
     }
@@ -221,5 +240,3 @@ def _close_run(folder: RunFolder, episode: Episode, tally: Tally, summary: dict[
     if tally.steps:
         draw_run_figures(folder.path, episode, tally.steps)
     folder.write_json("summary.json", summary)
-
-

@@ -43,7 +43,9 @@ def _draw_precision_recall(path: Path, episode: Episode, auprc: float | None) ->
     if auprc is not None and episode.prediction is not None:
         curve = precision_recall_curve(episode.prediction.score, truth)
         recall, precision = curve.recall, curve.precision
-    draw_precision_recall(path, recall=recall, precision=precision, auprc=auprc, prevalence=float(truth.mean()))
+    draw_precision_recall(
+        path, recall=recall, precision=precision, auprc=auprc, prevalence=float(truth.mean())
+    )
 
 
 def _map_picture(episode: Episode) -> MapPicture:

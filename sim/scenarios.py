@@ -61,20 +61,29 @@ class Scenario:
         """Validate the ranges."""
         _require(0 <= self.n_tumours <= 50, f"n_tumours={self.n_tumours}: from 0 to 50.")
         _require(
-            self.tumour_shape in get_args(TumourShape), f"tumour_shape={self.tumour_shape!r}: sphere or lobulated."
+            self.tumour_shape in get_args(TumourShape),
+            f"tumour_shape={self.tumour_shape!r}: sphere or lobulated.",
         )
         _require(self.organ_unit in get_args(Unit), f"organ_unit={self.organ_unit!r}: mm or m.")
-        _require(0.001 <= self.tumour_radius_m <= 0.1, f"tumour_radius_m={self.tumour_radius_m}: from 0.001 to 0.1 m.")
+        _require(
+            0.001 <= self.tumour_radius_m <= 0.1,
+            f"tumour_radius_m={self.tumour_radius_m}: from 0.001 to 0.1 m.",
+        )
         low_m, high_m = self.tumour_diameter_range_m
         _require(
             0.002 <= low_m <= high_m <= 0.2,
             f"tumour_diameter_range_m={self.tumour_diameter_range_m}: two rising lengths from 0.002 to 0.2 m.",
         )
         half_angle_deg = math.degrees(self.cone_half_angle_rad)
-        _require(1.0 <= half_angle_deg <= 80.0, f"cone half-angle {half_angle_deg:.3g} degrees: from 1 to 80 degrees.")
+        _require(
+            1.0 <= half_angle_deg <= 80.0,
+            f"cone half-angle {half_angle_deg:.3g} degrees: from 1 to 80 degrees.",
+        )
         _require(0.005 <= self.cone_depth_m <= 1.0, f"cone_depth_m={self.cone_depth_m}: from 0.005 to 1 m.")
         _require(50 <= self.n_poses <= 100_000, f"n_poses={self.n_poses}: from 50 to 100000.")
-        _require(0.001 <= self.score_spacing_m <= 0.02, f"score_spacing_m={self.score_spacing_m}: 0.001 to 0.02 m.")
+        _require(
+            0.001 <= self.score_spacing_m <= 0.02, f"score_spacing_m={self.score_spacing_m}: 0.001 to 0.02 m."
+        )
         if (self.organ_position_m is None) != (self.organ_quaternion is None):
             raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
 
@@ -121,11 +130,10 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     values.setdefault("name", path.stem)
     if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN):
-        values["organ"] = str(path.parent / values["organ"])
+        values["organ"] = str(path.parent / str(values["organ"]))
     if "tumour_files" in values:
         values["tumour_files"] = tuple(str(path.parent / file) for file in values["tumour_files"])
     try:
         return dataclasses.replace(SCENARIOS[base] if base else Scenario(), **values)
     except (TypeError, UsageError) as error:
         raise UsageError(f"{path}: {error}") from error
-

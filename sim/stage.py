@@ -24,7 +24,7 @@ from .world.solid import Solid
 from .world.surface import SensingSurface, upper_surface_workspace
 
 HINGE_REACH = 2.0
-"""Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to the prior variance inside."""
+"""Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
 PAPER_QUERY = (22, 22, 13)
 """The paper's 6,292 query points on the box of its synthetic organ; the hinges there are 17 x 17 x 10."""
 

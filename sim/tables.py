@@ -21,7 +21,9 @@ ROWS = (
 
 def episode_table(summary: Mapping[str, Any]) -> str:
     """The results of an episode as an aligned table, ending with the folder that holds them."""
-    head = f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
+    head = (
+        f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
+    )
     lines = [head, "-" * len(head)]
     width = max(len(label) for label, *_ in ROWS)
     for label, key, form in ROWS:

@@ -15,7 +15,6 @@ from .world.solid import Solid
 from .world.tumours import plant_lobulated, plant_spheres
 
 
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
     """What an episode is to find out. Only the sensor and the scores look at it."""

@@ -42,7 +42,9 @@ class ArmModel:
             ArmError: The file is missing or broken, has no joints, a mobile base, or no such flange site.
         """
         if not self.path.is_file():
-            raise ArmError(f"{self.path}: no such arm file. Give --arm the path of an MJCF file, or `default`.")
+            raise ArmError(
+                f"{self.path}: no such arm file. Give --arm the path of an MJCF file, or `default`."
+            )
         try:
             spec = mujoco.MjSpec.from_file(str(self.path))
             _drop_bad_keyframes(spec)

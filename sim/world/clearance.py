@@ -1,8 +1,8 @@
 """Clearance: how far arm and probe are from touching what they must not touch.
 
-Contacts with the table and of the arm with itself come from MuJoCo. The organ is different: MuJoCo would touch its convex
-hull, so its clearance is read from a signed distance grid of the true surface, at spheres and points that cover the
-geoms of arm and probe. Only the probe's face, within `FACE_RADIUS_M` of the tip, may touch the organ.
+Contacts with the table and of the arm with itself come from MuJoCo. The organ is different: MuJoCo would touch its
+convex hull, so its clearance is read from a signed distance grid of the true surface, at spheres and points that cover
+the geoms of arm and probe. Only the probe's face, within `FACE_RADIUS_M` of the tip, may touch the organ.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ class Clearance:
         self._margin_m = np.where(is_probe, PROBE_MARGIN_M, ARM_MARGIN_M)
         # The spheres are centred in the geom's frame; how far they reach from its origin bounds each geom.
         self._bound_m = np.array([np.max(np.linalg.norm(at, axis=1) + radius_m) for at, radius_m in covers])
-        self._probe_points_m, self._probe_geom = _in_tip_frame(model, self._geoms[is_probe], self._covers, self._tip_id)
+        self._probe_points_m, self._probe_geom = _in_tip_frame(
+            model, self._geoms[is_probe], self._covers, self._tip_id
+        )
 
     def collision(self, data: mujoco.MjData) -> Collision | None:
         """The worst forbidden contact of a state, or None when it is free.
@@ -125,12 +127,13 @@ def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     return matrix.reshape(3, 3)
 
 
-def _cover(
-    model: mujoco.MjModel, geom: int, tip_id: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sphere centres in the geom's frame (N, 3) [m] and radii (N,) [m] that stand for one geom."""
     is_probe = model.geom_bodyid[geom] == model.site_bodyid[tip_id]
-    if not is_probe and model.geom_type[geom] in (mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE):
+    if not is_probe and model.geom_type[geom] in (
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        mujoco.mjtGeom.mjGEOM_SPHERE,
+    ):
         return _axis_spheres(model, geom)
     points_m = _surface_points(model, geom)
     if is_probe:

@@ -53,7 +53,7 @@ def install_backend() -> str:
             context = context_class(8, 8)
             context.make_current()
             context.free()
-        except Exception as error:  # noqa: BLE001 - each library fails in a way of its own
+        except Exception as error:
             failures.append(f"{backend}: {type(error).__name__}: {str(error).strip()[:120]}")
             continue
         gl_context.GLContext = context_class

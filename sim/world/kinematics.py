@@ -165,7 +165,9 @@ class Kinematics:
         above_m = position_m - self.settings.standoff_m * normal
         lifted = self._converge(contact.q, above_m, normal)
         if not lifted.is_reached:
-            return replace(contact, status=lifted.status, detail=f"Above the pose: {lifted.detail or 'no answer.'}")
+            return replace(
+                contact, status=lifted.status, detail=f"Above the pose: {lifted.detail or 'no answer.'}"
+            )
         if (hit := self.collision(lifted.q)) is not None:
             return replace(contact, status=IkStatus.COLLISION, detail=f"Above the pose {hit}.")
         return replace(contact, q_standoff=lifted.q)
@@ -202,9 +204,15 @@ class Kinematics:
         room = np.minimum(q - low, high - q)[: self._model.njnt]
         room[~self._model.jnt_limited.astype(bool)] = np.inf
         joint = int(np.argmin(room))
-        return f"{self._model.joint(joint).name} is at its limit ({q[joint]:+.3f})." if room[joint] < 1e-3 else ""
+        return (
+            f"{self._model.joint(joint).name} is at its limit ({q[joint]:+.3f})."
+            if room[joint] < 1e-3
+            else ""
+        )
 
-    def _starts(self, position_m: NDArray[np.float64], normal: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def _starts(
+        self, position_m: NDArray[np.float64], normal: NDArray[np.float64]
+    ) -> list[NDArray[np.float64]]:
         """Home first, then the seeds whose tip is nearest to the pose."""
         q, tips_m, beams = self._seeds
         turn_rad = np.arccos(np.clip(beams @ normal, -1.0, 1.0))
@@ -215,7 +223,9 @@ class Kinematics:
     def _make_seeds(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Collision-free configurations (K, n) with their tip positions (K, 3) [m] and beams (K, 3)."""
         low, high = _search_range(self._model, self._scene.home_q)
-        rng = np.random.default_rng(0)  # a constant of the algorithm: the same starts for every seed of an episode
+        rng = np.random.default_rng(
+            0
+        )  # a constant of the algorithm: the same starts for every seed of an episode
         found: list[NDArray[np.float64]] = [self._scene.home_q]
         for q in rng.uniform(low, high, (4 * N_SEEDS, self._model.nq)):
             if self.collision(q) is None:
@@ -227,7 +237,10 @@ class Kinematics:
         for i, q in enumerate(found):
             data.qpos[:] = q
             mujoco.mj_kinematics(self._model, data)
-            tips_m[i], beams[i] = data.site_xpos[self._tip_id], data.site_xmat[self._tip_id].reshape(3, 3)[:, 2]
+            tips_m[i], beams[i] = (
+                data.site_xpos[self._tip_id],
+                data.site_xmat[self._tip_id].reshape(3, 3)[:, 2],
+            )
         return np.array(found), tips_m, beams
 
 
@@ -269,7 +282,9 @@ def _frame_at(position_m: NDArray[np.float64], normal: NDArray[np.float64]) -> N
     return T_world_probe
 
 
-def _target(position_m: NDArray[np.float64], normal: NDArray[np.float64], xmat: NDArray[np.float64]) -> mink.SE3:
+def _target(
+    position_m: NDArray[np.float64], normal: NDArray[np.float64], xmat: NDArray[np.float64]
+) -> mink.SE3:
     """T_world_tip with its z along the normal and the roll that turns the present tip least."""
     x_axis = xmat.reshape(3, 3)[:, 0]
     x_axis = x_axis - (x_axis @ normal) * normal

@@ -1,8 +1,8 @@
 """The probe: a reading from ray crossings cast from the tip frame that was really reached.
 
-A ray from the tip crosses the organ and the tumours some number of times. With +1 where it leaves a surface and -1 where
-it enters one, the sum over the crossings beyond a point is the winding number of that surface around the point: positive
-means inside, also where surfaces overlap or nest.
+A ray from the tip crosses the organ and the tumours some number of times. With +1 where it leaves a surface and -1
+where it enters one, the sum over the crossings beyond a point is the winding number of that surface around the point:
+positive means inside, also where surfaces overlap or nest.
 """
 
 from __future__ import annotations
@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-
-from planner import Cone
 
 from .scene import Group, Scene
 
@@ -37,7 +35,9 @@ class ProbeSettings:
     def __post_init__(self) -> None:
         """Validate the counts."""
         if self.n_rays < 1 or self.n_points_per_ray < 1:
-            raise ValueError(f"n_rays={self.n_rays}, n_points_per_ray={self.n_points_per_ray}: at least 1 of each.")
+            raise ValueError(
+                f"n_rays={self.n_rays}, n_points_per_ray={self.n_points_per_ray}: at least 1 of each."
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,13 +135,24 @@ class Probe:
         n_rays = len(directions)
         first_m, geoms, normals = np.empty(n_rays), np.empty(n_rays, np.int32), np.empty(3 * n_rays)
         mujoco.mj_multiRay(
-            self._model, data, origin_m, directions.ravel(), group, 1, -1, geoms, first_m, normals, n_rays, np.inf
+            self._model,
+            data,
+            origin_m,
+            directions.ravel(),
+            group,
+            1,
+            -1,
+            geoms,
+            first_m,
+            normals,
+            n_rays,
+            np.inf,
         )
         first_sign = np.where(np.einsum("ij,ij->i", normals.reshape(-1, 3), directions) > 0.0, 1, -1)
         hits = np.flatnonzero(first_m >= 0.0)
         ray, along_m, sign = hits.tolist(), first_m[hits].tolist(), first_sign[hits].tolist()
         geom, normal = np.empty(1, np.int32), np.empty(3)
-        for index in hits:
+        for index in hits.tolist():
             direction, travelled_m = directions[index], first_m[index]
             for _ in range(MAX_CROSSINGS):
                 travelled_m += RAY_RESTART_M

@@ -74,7 +74,9 @@ class SceneRenderer:
         """The picture of a state, shape (height, width, 3)."""
         self._renderer.update_scene(data, self._camera, self._option)
         scene = self._renderer.scene
-        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0  # half the time, and ugly edges on a translucent organ
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = (
+            0  # half the time, and ugly edges on a translucent organ
+        )
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
         if overlay is not None:

@@ -8,6 +8,7 @@ from .planner import Planner
 from .random_order import RandomOrder
 from .registry import make_planner, planner_names
 from .situation import Situation
+from .visibility import visibility, visible_points
 from .workspace import Workspace
 
 __all__ = [
@@ -21,4 +22,6 @@ __all__ = [
     "Workspace",
     "make_planner",
     "planner_names",
+    "visibility",
+    "visible_points",
 ]

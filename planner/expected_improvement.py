@@ -31,16 +31,21 @@ class ExpectedImprovement(Planner):
     needs_belief: ClassVar[bool] = True
 
     values: Values = "latent"
-    """Whose mean and deviation enter: the latent's, or the probability's. Under the probability the planner
-    stalls: the incumbent nears 1, which nothing can exceed."""
+    """Whose mean and deviation enter: the latent's, or the probability's. The probability finds several
+    tumours sooner but leaves the edge of one that it knows: its incumbent nears 1, which nothing exceeds."""
     pose_rule: PoseRule = "best-aligned"
     """`best-aligned`: of the poses whose cone holds the query point, that with the least angle between normal
     and query vector. `first-within-threshold`: the first pose of the workspace whose angle is at most the
-    threshold, as the paper has it. Where no pose qualifies, both take the pose of least angle."""
+    threshold, as the paper has it. Where no pose qualifies, both go on to the next query point: organs have
+    places that no pose sees, and these keep the highest deviation for ever."""
     threshold_rad: float = math.radians(5.0)
     """Largest angle between normal and query vector [rad], for `first-within-threshold`."""
     exclude_sensed: bool = True
     """Whether a pose is sensed once at most. Without it the planner may return to one pose for ever."""
+    exclusion_radius_m: float = 0.009
+    """Poses nearer than this to a sensed one are ranked last, when poses are excluded [m]. The paper's poses
+    are 1.5 mm apart, so a sensed pose's neighbour sees the same again; at a tumour the radius lets the poses
+    spread to its edge, and leave it when it is covered."""
     xi: float = 0.01
     """Margin by which the incumbent has to be exceeded, in the unit of the values (the paper's 0.01)."""
 
@@ -53,6 +58,8 @@ class ExpectedImprovement(Planner):
                 )
         if not 0.0 < self.threshold_rad <= math.pi:
             raise PlannerError(f"threshold_rad must lie between 0 and pi, got {self.threshold_rad}")
+        if not 0.0 <= self.exclusion_radius_m < math.inf:
+            raise PlannerError(f"exclusion_radius_m must be 0 m or above, got {self.exclusion_radius_m}")
         if not 0.0 <= self.xi < math.inf:
             raise PlannerError(f"xi must be 0 or above and finite, got {self.xi}")
 
@@ -83,27 +90,34 @@ class ExpectedImprovement(Planner):
         return log_expected_improvement(mean, variance, incumbent=float(np.max(mean)), xi=self.xi)
 
     def _rank_by_query_point(self, situation: Situation, score: NDArray[np.float64]) -> Iterator[int]:
-        is_available = situation.available(exclude_sensed=self.exclude_sensed)
+        is_left = situation.available(exclude_sensed=self.exclude_sensed)
+        is_available = is_left & ~self._near_sensed(situation)
         for query in np.argsort(-score, kind="stable"):
             if not is_available.any():
-                return
+                break
+            if situation.is_visible is not None and not situation.is_visible[query]:
+                continue  # spares the search for a pose that is not there
             poses = self._poses_towards(situation.search_points_m[query], situation, is_available)
-            is_available[poses] = False
+            is_available[poses] = is_left[poses] = False
             yield from poses.tolist()
-        yield from np.flatnonzero(is_available).tolist()
+        yield from np.flatnonzero(is_left).tolist()
+
+    def _near_sensed(self, situation: Situation) -> NDArray[np.bool_]:
+        """Which poses are nearer to a sensed one than the radius, shape (N,); none if they may return."""
+        positions_m = situation.workspace.positions_m
+        is_near = np.zeros(len(positions_m), dtype=np.bool_)
+        for pose in set(situation.sensed) if self.exclude_sensed else ():
+            is_near |= np.sum((positions_m - positions_m[pose]) ** 2, axis=1) < self.exclusion_radius_m**2
+        return is_near
 
     def _poses_towards(
         self, point_m: NDArray[np.float64], situation: Situation, is_available: NDArray[np.bool_]
     ) -> NDArray[np.intp]:
-        """The available poses that qualify for a query point, in the rule's order, or that of least angle."""
+        """The poses that qualify for a query point, in the rule's order; none if there is none."""
         workspace = situation.workspace
-        angles_rad = np.where(is_available, workspace.angles_to_rad(point_m), np.inf)
+        angles_rad = workspace.angles_to_rad(point_m)
         if self.pose_rule == "first-within-threshold":
-            poses = np.flatnonzero(angles_rad <= self.threshold_rad)
-        else:
-            is_seen = (
-                situation.cone.contains(point_m, workspace.positions_m, workspace.normals) & is_available
-            )
-            seen = np.flatnonzero(is_seen)
-            poses = seen[np.argsort(angles_rad[seen], kind="stable")]
-        return poses if len(poses) else np.array([np.argmin(angles_rad)])
+            return np.flatnonzero(is_available & (angles_rad <= self.threshold_rad))
+        sees = situation.cone.contains(point_m, workspace.positions_m, workspace.normals)
+        poses = np.flatnonzero(is_available & sees)
+        return poses[np.argsort(angles_rad[poses], kind="stable")]

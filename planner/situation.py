@@ -29,6 +29,8 @@ class Situation:
     """Indices of the poses sensed so far, in order."""
     skipped: frozenset[int] = frozenset()
     """Indices of the poses that the arm failed to reach."""
+    is_visible: NDArray[np.bool_] | None = None
+    """Which search points some pose sees, from `visible_points`, shape (M,); None if not worked out."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 
@@ -43,6 +45,10 @@ class Situation:
             raise PlannerError(
                 f"the prediction has shape {self.prediction.latent_mean.shape}, but there are {len(points)} "
                 "search points: predict at exactly these points"
+            )
+        if self.is_visible is not None and self.is_visible.shape != (len(points),):
+            raise PlannerError(
+                f"is_visible has shape {self.is_visible.shape}, not one value per search point"
             )
         object.__setattr__(self, "skipped", frozenset(self.skipped))
         self._check_indices("sensed", self.sensed)

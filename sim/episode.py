@@ -149,6 +149,7 @@ class Episode:
             cone=self.stage.cone,
             search_points_m=self.stage.search_points_m,
             prediction=self.prediction,
+            is_visible=self.stage.is_visible,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             rng=self._planner_rng,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping import Lattice, MapSettings
-from planner import Cone, Workspace
+from planner import Cone, Workspace, visible_points
 
 from .carrier import ArmCarrier, Carrier, FreeCarrier
 from .scenarios import LIVER, PAPER_ORGAN, Scenario
@@ -54,6 +54,8 @@ class Stage:
     """Which points of `query` lie inside the organ, shape (query.n_points,)."""
     search_points_m: NDArray[np.float64]
     """Those points, the search space of the planners, shape (M, 3) [m]."""
+    is_visible: NDArray[np.bool_]
+    """Which of the search points some pose of the workspace sees, shape (M,)."""
     notices: tuple[str, ...] = ()
     """What was repaired or is unusual about the files."""
 
@@ -80,6 +82,7 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     carrier = FreeCarrier(scene, workspace) if arm is None else ArmCarrier(scene, workspace, organ_distance)
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())
+    search_points_m = query.points_m()[is_inside]
     return Stage(
         scenario=scenario,
         organ=organ,
@@ -94,7 +97,8 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
         hinge_mask=_hinge_mask(scenario, organ_distance, hinges, reach_m),
         query=query,
         is_inside=is_inside,
-        search_points_m=query.points_m()[is_inside],
+        search_points_m=search_points_m,
+        is_visible=visible_points(workspace, cone, search_points_m),
         notices=notices,
     )
 

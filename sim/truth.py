@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .attainment import attainable, visibility
+from planner import visibility
+
+from .attainment import attainable
 from .stage import Stage
 from .world.anatomy import Anatomy, build_anatomy
 from .world.scene import Scene, build_scene

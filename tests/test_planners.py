@@ -17,6 +17,7 @@ from planner import (
     Workspace,
     make_planner,
     planner_names,
+    visible_points,
 )
 
 POINTS = box_points()
@@ -103,11 +104,32 @@ def test_the_alternatives_see_the_query_point_too_in_order_of_alignment():
     assert (np.diff(workspace.angles_to_rad(POINTS[BLOB])[ranking]) >= 0).all()
 
 
-def test_when_no_cone_holds_the_query_point_the_least_angle_decides():
-    points = np.array([[0.04, 0.04, -0.5]])  # half a metre down, five times the cone's depth
-    situation = make_situation(points=points, mean=np.zeros(1), sensed=(0,))
+@pytest.mark.parametrize("is_known", [False, True])
+def test_a_query_point_out_of_every_cones_sight_gives_way_to_the_next(is_known):
+    points = np.array(
+        [[0.04, 0.04, -0.5], [-0.06, 0.02, -0.05]]
+    )  # the first lies five times the cone's depth down
+    situation = make_situation(points=points, mean=np.array([3.0, 0.0]), sensed=(0,))
+    if is_known:
+        is_visible = visible_points(situation.workspace, situation.cone, points)
+        assert is_visible.tolist() == [False, True]
+        object.__setattr__(situation, "is_visible", is_visible)
     ranking = top(ExpectedImprovement(), situation)
-    assert ranking == [int(np.argmin(situation.workspace.angles_to_rad(points[0])))]
+    assert ranking == [int(np.argmin(situation.workspace.angles_to_rad(points[1])))]
+
+
+def test_a_sensed_poses_neighbours_come_last():
+    best = top(ExpectedImprovement(exclusion_radius_m=0.0), make_situation(mean=blob_mean(), sensed=(0,)))[0]
+    again = make_situation(mean=blob_mean(), sensed=(0, best))
+    ranking = list(ExpectedImprovement(exclusion_radius_m=0.02).rank(again))
+    positions = again.workspace.positions_m
+    distances = np.linalg.norm(positions[ranking][:, None] - positions[[0, best]], axis=-1).min(axis=1)
+    n_near = int((distances < 0.02).sum())
+    assert n_near > 5
+    assert (distances[:-n_near] >= 0.02).all()
+    # Without a radius the very next pose is a neighbour, one pitch of 9.5 mm away.
+    without_radius = top(ExpectedImprovement(exclusion_radius_m=0.0), again)[0]
+    assert without_radius in again.workspace.neighbours(8)[best]
 
 
 def test_first_within_threshold_takes_the_lowest_index_not_the_best_aligned():
@@ -266,11 +288,8 @@ def test_options_reach_the_planner():
     assert [make_planner(name).needs_belief for name in planner_names()] == [True, False, False]
 
 
-def test_a_cone_is_part_of_what_a_planner_knows():
-    # A shallower cone sees nothing at the blob's depth, so the rule falls back on the angle alone.
+def test_a_shallower_cone_leads_to_another_choice():
     situation = make_situation(mean=blob_mean(), sensed=(0,))
-    object.__setattr__(situation, "cone", Cone(math.radians(11.5), 0.01))
-    second_query_pose = top(ExpectedImprovement(), situation, 2)[1]
-    assert (
-        second_query_pose != top(ExpectedImprovement(), make_situation(mean=blob_mean(), sensed=(0,)), 2)[1]
-    )
+    with_deep_cone = top(ExpectedImprovement(), situation)
+    object.__setattr__(situation, "cone", Cone(math.radians(11.5), 0.02))  # the blob lies at 60 mm
+    assert top(ExpectedImprovement(), situation) != with_deep_cone

@@ -13,12 +13,22 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from .belief import Belief, Moments, UpdateReport
+from .covariance import DenseCovariance
 from .kernel import HingeFeatures, outer_features
 from .lattice import Lattice
 from .lattice_moments import LatticeMoments
 from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
 from .settings import MapSettings
 from .variational import fit_reading
+
+# What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
+# error in probability after 50 readings (docs/map.md shows the table).
+_PIVOT_TOLERANCE = 1.0  # share of |phi|^2 of a point's features that does not follow from the pivots
+_ROOT_TOLERANCE = 1.0  # variance of the latent at a pivot that does not follow from the others
+_ROW_TOLERANCE = 0.03  # fall of a weight's variance
+_SHRINKAGE_TOLERANCE = 300.0  # share of a direction's variance that the reading takes away
+_FEATURE_CUTOFF = 10.0  # features of a reading
+_QUERY_CUTOFF = 100.0  # features through which a weight changes a query point
 
 
 class FullBelief(Belief):
@@ -31,8 +41,7 @@ class FullBelief(Belief):
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
-        self.covariance = np.zeros((features.n_weights, features.n_weights))
-        np.fill_diagonal(self.covariance, settings.weight_variance)
+        self.covariance = DenseCovariance(features.n_weights, settings.weight_variance)
         self._lattice = None if query is None else LatticeMoments(features, query, prior.variance)
 
     def learn(
@@ -41,27 +50,26 @@ class FullBelief(Belief):
         """Takes in a reading; see the module for the formulas."""
         tolerance = self._settings.tolerance
         reduction = self._reduce(points_m)
-        near, directions = reduction.hinges, reduction.directions
-        cross = directions @ self.covariance[near]
-        root, pivots = _root(cross[:, near] @ directions.T, tolerance)
-        prior_mean = offset + reduction.interpolation @ (directions @ self.mean[near])
-        basis = reduction.interpolation @ root
-        reading = fit_reading(prior_mean, basis, is_occupied, self._settings.n_em_iterations)
+        near, C, T = reduction.hinges, reduction.directions, reduction.interpolation
+        weights, rows = self.covariance.rows(near)
+        cross = C @ rows
+        root, pivots = self._root(cross[:, np.searchsorted(weights, near)] @ C.T)
+        prior_mean = offset + T @ (C @ self.mean[near])
+        reading = fit_reading(prior_mean, T @ root, is_occupied, self._settings.n_em_iterations)
         # Y^T = R^-1 C Sigma
-        spread = solve_triangular(root[pivots], cross[pivots], lower=True, check_finite=False)
-        self.mean += spread.T @ reading.mean
-        shrinkage = np.eye(len(pivots)) - cho_solve((reading.cholesky, True), np.eye(len(pivots)))
-        fall = spread.T @ pivoted_cholesky(shrinkage, tolerance)[0]
-        touched = np.flatnonzero(np.einsum("ij,ij->i", fall, fall) > tolerance)
-        fall = fall[touched]
-        self.covariance[np.ix_(touched, touched)] -= fall @ fall.T
+        Y = solve_triangular(root[pivots], cross[pivots], lower=True, check_finite=False).T
+        self.mean[weights] += Y @ reading.mean
+        G = Y @ self._shrinkage_root(reading.cholesky)
+        touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * tolerance)
+        G, weights = G[touched], weights[touched]
+        self.covariance.lower(weights, G)
         if self._lattice is not None:
-            self._lattice.lower_variance(touched, fall, cutoff=tolerance)
+            self._lattice.lower_variance(weights, G, cutoff=_QUERY_CUTOFF * tolerance)
         return UpdateReport(
             n_points=len(points_m),
             n_occupied=int(is_occupied.sum()),
-            rank=fall.shape[1],
-            n_weights_touched=len(touched),
+            rank=G.shape[1],
+            n_weights_touched=len(weights),
         )
 
     def moments(self, points_m: NDArray[np.float64]) -> Moments:
@@ -73,7 +81,7 @@ class FullBelief(Belief):
             Phi = outer_features(self._features.along_axes(points_m[part], box))[:, weights >= 0]
             weights = weights[weights >= 0]
             mean[part] = Phi @ self.mean[weights]
-            variance[part] = np.einsum("nj,nj->n", Phi @ self.covariance[np.ix_(weights, weights)], Phi)
+            variance[part] = np.einsum("nj,nj->n", Phi @ self.covariance.block(weights), Phi)
         return Moments(mean, np.maximum(variance, 0))
 
     def lattice_moments(self) -> Moments:
@@ -84,22 +92,35 @@ class FullBelief(Belief):
 
     def _reduce(self, points_m: NDArray[np.float64]) -> Reduction:
         tolerance = self._settings.tolerance
-        # A tenth more than the variances' tolerance is what a feature may miss.
-        box = self._features.box_around(points_m, 10 * tolerance)
+        box = self._features.box_around(points_m, _FEATURE_CUTOFF * tolerance)
         weights = self._features.weights_in(box)
         factors = self._features.along_axes(points_m, box)
         if tolerance > 0:
-            local = reduce_by_pivots(factors, weights >= 0, tolerance=10 * tolerance, cutoff=10 * tolerance)
+            local = reduce_by_pivots(
+                factors,
+                weights >= 0,
+                tolerance=_PIVOT_TOLERANCE * tolerance,
+                cutoff=_FEATURE_CUTOFF * tolerance,
+            )
         else:
             local = reduce_exactly(factors, weights >= 0)
         return Reduction(local.interpolation, local.directions, weights[local.hinges])
 
+    def _root(self, matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Returns R with R R^T = matrix, and the rows that make it triangular."""
+        tolerance = self._settings.tolerance
+        if tolerance > 0:
+            return pivoted_cholesky(matrix, _ROOT_TOLERANCE * tolerance)
+        return cholesky(matrix, lower=True, check_finite=False), np.arange(len(matrix))
 
-def _root(matrix: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Returns R with R R^T = matrix, and the rows that make it triangular."""
-    if tolerance > 0:
-        return pivoted_cholesky(matrix, tolerance)
-    return cholesky(matrix, lower=True, check_finite=False), np.arange(len(matrix))
+    def _shrinkage_root(self, factor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns Z with Z Z^T = I - D^-1 for D = Q Q^T, without the directions that the reading left as
+        they were.
+        """
+        identity = np.eye(len(factor))
+        shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
+        # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
+        return pivoted_cholesky(shrinkage, max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15))[0]
 
 
 def _tiles(points_m: NDArray[np.float64], width_m: float) -> list[NDArray[np.intp]]:

@@ -20,7 +20,7 @@ class DenseCovariance:
         return self.matrix[np.ix_(weights, weights)]
 
     def rows(self, weights: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the weights (m,) that may covary with some weights (k,), and a copy of those rows, shape (k, m)."""
+        """Returns the weights (m,) that may covary with some weights (k,), and those rows, shape (k, m)."""
         return self._all, self.matrix[weights]
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:

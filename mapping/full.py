@@ -8,6 +8,8 @@ With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, the reading's own 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
@@ -50,16 +52,18 @@ class FullBelief(Belief):
         """Takes in a reading; see the module for the formulas."""
         tolerance = self._settings.tolerance
         reduction = self._reduce(points_m)
-        near, C, T = reduction.hinges, reduction.directions, reduction.interpolation
+        near, C = reduction.hinges, reduction.directions
         weights, rows = self.covariance.rows(near)
-        cross = C @ rows
+        cross = C @ rows  # C Sigma
         root, pivots = self._root(cross[:, np.searchsorted(weights, near)] @ C.T)
-        prior_mean = offset + T @ (C @ self.mean[near])
-        reading = fit_reading(prior_mean, T @ root, is_occupied, self._settings.n_em_iterations)
-        # Y^T = R^-1 C Sigma
-        Y = solve_triangular(root[pivots], cross[pivots], lower=True, check_finite=False).T
-        self.mean[weights] += Y @ reading.mean
-        G = Y @ self._shrinkage_root(reading.cholesky)
+        prior_mean = offset + reduction.at_points(C @ self.mean[near])
+        reading = fit_reading(
+            prior_mean, reduction.at_points(root), is_occupied, self._settings.n_em_iterations
+        )
+        # Y = Sigma C^T R^-T is not formed: R^-1 is small, so it is applied to what follows it.
+        inverse_root = solve_triangular(root[pivots], np.eye(len(pivots)), lower=True, check_finite=False)
+        self.mean[weights] += (reading.mean @ inverse_root) @ cross[pivots]
+        G = cross[pivots].T @ (inverse_root.T @ self._shrinkage_root(reading.cholesky))
         touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * tolerance)
         G, weights = G[touched], weights[touched]
         self.covariance.lower(weights, G)
@@ -104,7 +108,7 @@ class FullBelief(Belief):
             )
         else:
             local = reduce_exactly(factors, weights >= 0)
-        return Reduction(local.interpolation, local.directions, weights[local.hinges])
+        return replace(local, hinges=weights[local.hinges])
 
     def _root(self, matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Returns R with R R^T = matrix, and the rows that make it triangular."""

@@ -17,20 +17,28 @@ from scipy.linalg import get_lapack_funcs, solve_triangular
 
 from .kernel import AxisFeatures, feature_products, outer_features
 
-# Candidates for pivots at a time: more than a cone's rank at the default tolerance, and few enough for the cache.
+# Candidates for pivots at a time: above a cone's rank at the default tolerance, few enough for the cache.
 _MAX_CANDIDATES = 400
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """Features of a reading as Phi = T C, of rank r."""
+    """Features of a reading as Phi = T C, of rank r, with T = L L_p^-1 kept as its two factors."""
 
-    interpolation: NDArray[np.float64]
-    """T, shape (n, r)."""
+    factor: NDArray[np.float64]
+    """L, shape (n, r)."""
+    triangle: NDArray[np.float64]
+    """L_p, lower triangular, shape (r, r)."""
     directions: NDArray[np.float64]
     """C, shape (r, h)."""
     hinges: NDArray[np.intp]
     """Which columns of the features these h are."""
+
+    def at_points(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns T values: what holds at the n points when `values`, shape (r,) or (r, k), hold along the
+        directions.
+        """
+        return self.factor @ _solve_triangle(self.triangle, values)
 
 
 def pivoted_cholesky(
@@ -69,7 +77,7 @@ def choose_pivots(factors: AxisFeatures, tolerance: float) -> tuple[NDArray[np.f
         triangle, order = pivoted_cholesky(rest, limit)
         chosen = candidates[order]
         columns = feature_products(factors, _rows(factors, chosen)) - factor @ factor[chosen].T
-        columns = _solve_triangle(triangle[order], columns.T).T
+        columns = columns @ _solve_triangle(triangle[order], np.eye(len(order))).T
         residual -= np.einsum("nr,nr->n", columns, columns)
         residual[chosen] = 0
         factor, pivots = np.hstack([factor, columns]), np.append(pivots, chosen)
@@ -88,11 +96,9 @@ def reduce_by_pivots(
         cutoff: Columns of C whose entries all are smaller than this are left out.
     """
     factor, pivots = choose_pivots(factors, tolerance)
-    # T = L L_p^-1
-    interpolation = _solve_triangle(factor[pivots], factor.T, transposed=True).T
     Phi = outer_features(_rows(factors, pivots))
     hinges = np.flatnonzero(is_active & (Phi.max(axis=0, initial=0) > cutoff))
-    return Reduction(interpolation, Phi[:, hinges], hinges)
+    return Reduction(factor, factor[pivots], Phi[:, hinges], hinges)
 
 
 def reduce_exactly(factors: AxisFeatures, is_active: NDArray[np.bool_]) -> Reduction:
@@ -101,7 +107,7 @@ def reduce_exactly(factors: AxisFeatures, is_active: NDArray[np.bool_]) -> Reduc
     """
     hinges = np.flatnonzero(is_active)
     basis, triangle = np.linalg.qr(outer_features(factors)[:, hinges].T)
-    return Reduction(triangle.T, np.ascontiguousarray(basis.T), hinges)
+    return Reduction(triangle.T, np.eye(len(triangle)), np.ascontiguousarray(basis.T), hinges)
 
 
 def _rows(factors: AxisFeatures, points: NDArray[np.intp]) -> AxisFeatures:
@@ -113,7 +119,5 @@ def _squared_norms(factors: AxisFeatures) -> NDArray[np.float64]:
     return x * y * z
 
 
-def _solve_triangle(
-    lower: NDArray[np.float64], right: NDArray[np.float64], *, transposed: bool = False
-) -> NDArray[np.float64]:
-    return solve_triangular(lower, right, lower=True, trans=int(transposed), check_finite=False)
+def _solve_triangle(lower: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    return solve_triangular(lower, right, lower=True, check_finite=False)

@@ -44,10 +44,12 @@ def fit_reading(
     """
     xi_squared = np.einsum("nr,nr->n", basis, basis) + prior_mean**2
     posterior = _solve(xi_squared, prior_mean, basis, is_occupied)
+    identity = np.eye(basis.shape[1])
     for _ in range(n_iterations - 1):
-        spread = solve_triangular(posterior.cholesky, basis.T, lower=True, check_finite=False)
+        inverse = solve_triangular(posterior.cholesky, identity, lower=True, check_finite=False)
+        spread = basis @ inverse.T
         # xi^2 = phi Sigma' phi + (b + phi . mu')^2
-        xi_squared = np.einsum("rn,rn->n", spread, spread) + (prior_mean + basis @ posterior.mean) ** 2
+        xi_squared = np.einsum("nr,nr->n", spread, spread) + (prior_mean + basis @ posterior.mean) ** 2
         posterior = _solve(xi_squared, prior_mean, basis, is_occupied)
     return posterior
 
@@ -60,7 +62,8 @@ def _solve(
 ) -> ReadingPosterior:
     """Returns the posterior under the bound at given xi, from the prior N(0, I) of z."""
     curvature = bound_curvature(np.sqrt(xi_squared))
-    precision = basis.T @ (2 * curvature[:, None] * basis)
+    scaled = np.sqrt(2 * curvature)[:, None] * basis
+    precision = scaled.T @ scaled
     precision[np.diag_indices_from(precision)] += 1
     factor = cholesky(precision, lower=True, check_finite=False)
     mean = cho_solve((factor, True), basis.T @ (is_occupied - 0.5 - 2 * curvature * prior_mean))

@@ -9,6 +9,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernel import HingeFeatures, contract, outer_features
+from .lattice import Lattice
+from .settings import MapSettings
+
+# Points asked for are taken together in cubes of this many hinge spacings: few cubes, each with few features.
+_TILE_SPACINGS = 3
+# Features that the mean at a point may leave out, as a multiple of `MapSettings.tolerance`.
+_MEAN_CUTOFF = 0.1
+
 
 class Moments(NamedTuple):
     """Mean and variance of phi(x) . w at N points, the latent without its offset."""
@@ -36,6 +45,8 @@ class Belief(ABC):
 
     mean: NDArray[np.float64]
     """mu, shape (M,)."""
+    _features: HingeFeatures
+    _settings: MapSettings
 
     @abstractmethod
     def learn(
@@ -44,9 +55,34 @@ class Belief(ABC):
         """Takes in a reading: points [m] (n, 3), the latent's offset there (n,) and labels (n,)."""
 
     @abstractmethod
-    def moments(self, points_m: NDArray[np.float64]) -> Moments:
-        """Returns the moments at any points [m], shape (N, 3)."""
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns phi(x) Sigma phi(x)^T at all points of a lattice, shape (query.n_points,)."""
 
     @abstractmethod
-    def lattice_moments(self) -> Moments:
-        """Returns the moments at all points of the query lattice."""
+    def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns phi(x) Sigma phi(x)^T at points that lie close together, shape (N, 3)."""
+
+    def lattice_moments(self, query: Lattice) -> Moments:
+        """Returns the moments at all points of a lattice."""
+        mean = contract(self._features.on_lattice(query), self._features.over_hinges(self.mean))
+        return Moments(mean.ravel(), self.variance_on_lattice(query))
+
+    def moments(self, points_m: NDArray[np.float64]) -> Moments:
+        """Returns the moments at any points, tile by tile so that only what is within reach takes part."""
+        mean, variance = np.zeros(len(points_m)), np.zeros(len(points_m))
+        weights = self._features.over_hinges(self.mean)
+        for part in _tiles(points_m, _TILE_SPACINGS * self._features.spacing_m):
+            near = points_m[part]
+            box = self._features.box_around(near, _MEAN_CUTOFF * self._settings.tolerance)
+            Phi = outer_features(self._features.along_axes(near, box))
+            mean[part] = Phi @ weights[box].ravel()
+            variance[part] = self.variance_near(near)
+        return Moments(mean, variance)
+
+
+def _tiles(points_m: NDArray[np.float64], width_m: float) -> list[NDArray[np.intp]]:
+    """Returns the indices of the points that share a cube of a given width, cube by cube."""
+    cubes = np.floor((points_m - points_m.min(axis=0)) / width_m).astype(np.intp)
+    _, cube_of_point = np.unique(cubes, axis=0, return_inverse=True)
+    order = np.argsort(cube_of_point, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(cube_of_point[order])) + 1)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .belief import Belief, Moments, UpdateReport
+from .belief import Belief, UpdateReport
 from .kernel import AxisFeatures, HingeFeatures, contract, outer_features
 from .lattice import Lattice
 from .likelihood import bound_curvature
@@ -17,13 +17,12 @@ from .settings import MapSettings
 class DiagonalBelief(Belief):
     """Independent Gaussian belief over each weight."""
 
-    def __init__(self, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> None:
+    def __init__(self, features: HingeFeatures, settings: MapSettings) -> None:
         """Starts at zero mean and one variance."""
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
         self.variance = np.full(features.n_weights, settings.weight_variance)
-        self._query = None if query is None else features.on_lattice(query)
 
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], is_occupied: NDArray[np.float64]
@@ -51,26 +50,18 @@ class DiagonalBelief(Belief):
             n_weights_touched=len(weights),
         )
 
-    def moments(self, points_m: NDArray[np.float64]) -> Moments:
-        """Returns the moments at any points."""
-        Phi, weights = self._local_features(points_m)
-        return Moments(Phi @ self.mean[weights], Phi**2 @ self.variance[weights])
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance at all points of a lattice."""
+        squares = AxisFeatures(*(factor**2 for factor in self._features.on_lattice(query)))
+        return contract(squares, self._features.over_hinges(self.variance)).ravel()
 
-    def lattice_moments(self) -> Moments:
-        """Returns the moments on the query lattice."""
-        if self._query is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        squares = AxisFeatures(*(factor**2 for factor in self._query))
-        mean = contract(self._query, self._over_hinges(self.mean))
-        return Moments(mean.ravel(), contract(squares, self._over_hinges(self.variance)).ravel())
+    def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the variance at points that lie close together."""
+        Phi, weights = self._local_features(points_m)
+        return Phi**2 @ self.variance[weights]
 
     def _local_features(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         box = self._features.box_around(points_m, self._settings.tolerance)
         weights = self._features.weights_in(box)
         Phi = outer_features(self._features.along_axes(points_m, box))
         return (Phi, weights) if np.all(weights >= 0) else (Phi[:, weights >= 0], weights[weights >= 0])
-
-    def _over_hinges(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        tensor = np.zeros((*self._features.hinges.shape, 1))
-        tensor.reshape(-1)[self._features.weight_of_hinge >= 0] = values
-        return tensor

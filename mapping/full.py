@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from .belief import Belief, Moments, UpdateReport
+from .belief import Belief, UpdateReport
 from .covariance import DenseCovariance
-from .kernel import HingeFeatures, outer_features
+from .kernel import HingeFeatures
 from .lattice import Lattice
-from .lattice_moments import LatticeMoments
 from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
 from .settings import MapSettings
+from .variance_field import VarianceField
 from .variational import fit_reading
 
 # What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
@@ -30,21 +30,19 @@ _ROOT_TOLERANCE = 1.0  # variance of the latent at a pivot that does not follow 
 _ROW_TOLERANCE = 0.03  # fall of a weight's variance
 _SHRINKAGE_TOLERANCE = 300.0  # share of a direction's variance that the reading takes away
 _FEATURE_CUTOFF = 10.0  # features of a reading
-_QUERY_CUTOFF = 100.0  # features through which a weight changes a query point
+_QUERY_CUTOFF = 0.01  # terms of the variance at a query point
 
 
 class FullBelief(Belief):
     """Gaussian belief over the weights, mean and dense covariance."""
 
-    def __init__(
-        self, features: HingeFeatures, settings: MapSettings, query: Lattice | None, prior: Moments
-    ) -> None:
-        """Starts at zero mean and independent weights; `prior` holds the moments on the query lattice."""
+    def __init__(self, features: HingeFeatures, settings: MapSettings) -> None:
+        """Starts at zero mean and independent weights."""
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
         self.covariance = DenseCovariance(features.n_weights, settings.weight_variance)
-        self._lattice = None if query is None else LatticeMoments(features, query, prior.variance)
+        self._variance = VarianceField(features, settings.weight_variance)
 
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], is_occupied: NDArray[np.float64]
@@ -67,8 +65,7 @@ class FullBelief(Belief):
         touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * tolerance)
         G, weights = G[touched], weights[touched]
         self.covariance.lower(weights, G)
-        if self._lattice is not None:
-            self._lattice.lower_variance(weights, G, cutoff=_QUERY_CUTOFF * tolerance)
+        self._variance.lower(weights, G)
         return UpdateReport(
             n_points=len(points_m),
             n_occupied=int(is_occupied.sum()),
@@ -76,23 +73,13 @@ class FullBelief(Belief):
             n_weights_touched=len(weights),
         )
 
-    def moments(self, points_m: NDArray[np.float64]) -> Moments:
-        """Returns the moments at any points, tile by tile so that only the hinges within reach take part."""
-        mean, variance = np.zeros(len(points_m)), np.zeros(len(points_m))
-        for part in _tiles(points_m, 4 * self._settings.hinge_spacing_m):
-            box = self._features.box_around(points_m[part], self._settings.tolerance)
-            weights = self._features.weights_in(box)
-            Phi = outer_features(self._features.along_axes(points_m[part], box))[:, weights >= 0]
-            weights = weights[weights >= 0]
-            mean[part] = Phi @ self.mean[weights]
-            variance[part] = np.einsum("nj,nj->n", Phi @ self.covariance.block(weights), Phi)
-        return Moments(mean, np.maximum(variance, 0))
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance at all points of a lattice."""
+        return np.maximum(self._variance.on_lattice(query), 0)
 
-    def lattice_moments(self) -> Moments:
-        """Returns the moments on the query lattice: the mean afresh, the variance as it was carried along."""
-        if self._lattice is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        return Moments(self._lattice.mean(self.mean), np.maximum(self._lattice.variance.ravel(), 0))
+    def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the variance at points that lie close together."""
+        return np.maximum(self._variance.at(points_m, _QUERY_CUTOFF * self._settings.tolerance), 0)
 
     def _reduce(self, points_m: NDArray[np.float64]) -> Reduction:
         tolerance = self._settings.tolerance
@@ -125,11 +112,3 @@ class FullBelief(Belief):
         shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
         # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
         return pivoted_cholesky(shrinkage, max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15))[0]
-
-
-def _tiles(points_m: NDArray[np.float64], width_m: float) -> list[NDArray[np.intp]]:
-    """Returns the indices of the points that share a cube of a given width, cube by cube."""
-    cubes = np.floor((points_m - points_m.min(axis=0)) / width_m).astype(np.intp)
-    _, cube_of_point = np.unique(cubes, axis=0, return_inverse=True)
-    order = np.argsort(cube_of_point, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(cube_of_point[order])) + 1)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .belief import Belief, Moments, UpdateReport
+from .belief import Belief, UpdateReport
 from .diagonal import DiagonalBelief
 from .full import FullBelief
 from .kernel import HingeFeatures
@@ -37,7 +37,7 @@ class HilbertMap:
         Args:
             hinges: Centres of the features, one weight each.
             settings: What the map assumes; the defaults if None.
-            query: Lattice on which `predict_lattice` answers; its moments are carried along.
+            query: Lattice on which `predict_lattice` answers; what it costs does not grow with the readings.
             query_mask: Which points of `query` are asked for, shape (query.n_points,); all if None.
             hinge_mask: Which hinges are kept, shape (hinges.n_points,); all if None. Keep every hinge
                 within four spacings of the organ, since the prior takes the others for present.
@@ -45,15 +45,15 @@ class HilbertMap:
         Raises:
             ValueError: If a mask does not fit its lattice, keeps nothing, or masks a query that is not there.
         """
+        _check_hinges(hinges)
         self.hinges = hinges
         self.settings = settings if settings is not None else MapSettings()
         self.query = query
         self._query_mask = _check_query_mask(query, query_mask)
         hinge_mask = None if hinge_mask is None else np.asarray(hinge_mask, dtype=bool)
         self._features = HingeFeatures.build(hinges, self.settings.gamma_per_m2, hinge_mask)
-        prior = self._prior_on_lattice()
-        self._lattice_offset = prior_offset(self.settings.prior_prevalence, prior.variance)
-        self._belief = self._make_belief(prior)
+        self._lattice_offset = None if query is None else self._offset_on_lattice(query)
+        self._belief = _make_belief(self._features, self.settings)
 
     @property
     def n_weights(self) -> int:
@@ -95,7 +95,9 @@ class HilbertMap:
         Raises:
             ValueError: If the map was made without a query lattice.
         """
-        mean, variance = self._belief.lattice_moments()
+        if self.query is None or self._lattice_offset is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        mean, variance = self._belief.lattice_moments(self.query)
         mean = self._lattice_offset + mean
         if self._query_mask is None:
             return Prediction(mean, variance)
@@ -112,17 +114,25 @@ class HilbertMap:
         x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.along_axes(points_m))
         return prior_offset(self.settings.prior_prevalence, self.settings.weight_variance * x * y * z)
 
-    def _prior_on_lattice(self) -> Moments:
-        if self.query is None:
-            return Moments(np.zeros(0), np.zeros(0))
-        x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(self.query))
+    def _offset_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(query))
         variance = self.settings.weight_variance * (x[:, None, None] * y[:, None] * z).ravel()
-        return Moments(np.zeros_like(variance), variance)
+        return prior_offset(self.settings.prior_prevalence, variance)
 
-    def _make_belief(self, prior: Moments) -> Belief:
-        if self.settings.form == "diagonal":
-            return DiagonalBelief(self._features, self.settings, self.query)
-        return FullBelief(self._features, self.settings, self.query, prior)
+
+def _make_belief(features: HingeFeatures, settings: MapSettings) -> Belief:
+    if settings.form == "diagonal":
+        return DiagonalBelief(features, settings)
+    return FullBelief(features, settings)
+
+
+def _check_hinges(hinges: Lattice) -> None:
+    for name, axis in zip("xyz", hinges.axes_m, strict=True):
+        # Coordinates of some decimetres carry rounding of 1e-16 m, a billionth of a spacing at most.
+        if axis.size > 2 and np.ptp(np.diff(axis)) > 1e-6 * (axis[1] - axis[0]):
+            raise ValueError(
+                f"hinges must be evenly spaced along each axis, but {name} has steps {np.diff(axis)}"
+            )
 
 
 def _check_query_mask(query: Lattice | None, mask: ArrayLike | None) -> NDArray[np.bool_] | None:

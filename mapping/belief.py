@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,7 +27,7 @@ class Moments(NamedTuple):
     variance: NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class UpdateReport:
     """What a reading did to the belief."""
 
@@ -38,6 +39,16 @@ class UpdateReport:
     """Directions of weight space in which the reading said something."""
     n_weights_touched: int
     """Weights whose variance it changed."""
+    curvature: NDArray[np.float64]
+    """lambda of the bound at each point, shape (n_points,): half the precision with which it was observed."""
+
+
+class LearningReport(NamedTuple):
+    """How far a reading reached, and lambda at each of its points."""
+
+    rank: int
+    n_weights_touched: int
+    curvature: NDArray[np.float64]
 
 
 class Belief(ABC):
@@ -50,9 +61,32 @@ class Belief(ABC):
 
     @abstractmethod
     def learn(
-        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], is_occupied: NDArray[np.float64]
-    ) -> UpdateReport:
-        """Takes in a reading: points [m] (n, 3), the latent's offset there (n,) and labels (n,)."""
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+    ) -> LearningReport:
+        """Takes in a reading: points [m] (n, 3), the latent's offset there (n,) and what the labels say
+        (n,).
+        """
+
+    @abstractmethod
+    def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
+        """Draws weights from the belief and keeps them up with every later reading."""
+
+    @abstractmethod
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """Returns the arrays that make up the belief."""
+
+    @abstractmethod
+    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes over the arrays of another belief of the same settings and hinges.
+
+        Raises:
+            ValueError: If an array is missing, of another shape, not finite, or no covariance.
+        """
+
+    @property
+    @abstractmethod
+    def samples(self) -> NDArray[np.float64]:
+        """The carried draws of the weights, shape (M, n_samples)."""
 
     @abstractmethod
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
@@ -66,6 +100,13 @@ class Belief(ABC):
         """Returns the moments at all points of a lattice."""
         mean = contract(self._features.on_lattice(query), self._features.over_hinges(self.mean))
         return Moments(mean.ravel(), self.variance_on_lattice(query))
+
+    def lattice_samples(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns phi(x) . w of the carried draws at all points of a lattice, shape (query.n_points,
+        n_samples).
+        """
+        draws = contract(self._features.on_lattice(query), self._features.over_hinges(self.samples))
+        return draws.reshape(query.n_points, -1)
 
     def moments(self, points_m: NDArray[np.float64]) -> Moments:
         """Returns the moments at any points, tile by tile so that only what is within reach takes part."""

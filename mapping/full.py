@@ -8,18 +8,21 @@ With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, the reading's own 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from .belief import Belief, UpdateReport
+from .belief import Belief, LearningReport
 from .covariance import DenseCovariance
 from .kernel import HingeFeatures
 from .lattice import Lattice
 from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
+from .samples import WeightSamples
 from .settings import MapSettings
+from .storage import checked_array
 from .variance_field import VarianceField
 from .variational import fit_reading
 
@@ -43,10 +46,11 @@ class FullBelief(Belief):
         self.mean = np.zeros(features.n_weights)
         self.covariance = DenseCovariance(features.n_weights, settings.weight_variance)
         self._variance = VarianceField(features, settings.weight_variance)
+        self._samples: WeightSamples | None = None
 
     def learn(
-        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], is_occupied: NDArray[np.float64]
-    ) -> UpdateReport:
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+    ) -> LearningReport:
         """Takes in a reading; see the module for the formulas."""
         tolerance = self._settings.tolerance
         reduction = self._reduce(points_m)
@@ -55,23 +59,47 @@ class FullBelief(Belief):
         cross = C @ rows  # C Sigma
         root, pivots = self._root(cross[:, np.searchsorted(weights, near)] @ C.T)
         prior_mean = offset + reduction.at_points(C @ self.mean[near])
-        reading = fit_reading(
-            prior_mean, reduction.at_points(root), is_occupied, self._settings.n_em_iterations
-        )
+        basis = reduction.at_points(root)
+        reading = fit_reading(prior_mean, basis, log_odds, self._settings.n_em_iterations)
         # Y = Sigma C^T R^-T is not formed: R^-1 is small, so it is applied to what follows it.
         inverse_root = solve_triangular(root[pivots], np.eye(len(pivots)), lower=True, check_finite=False)
-        self.mean[weights] += (reading.mean @ inverse_root) @ cross[pivots]
-        G = cross[pivots].T @ (inverse_root.T @ self._shrinkage_root(reading.cholesky))
+        cross = cross[pivots]
+        if self._samples is not None:
+            self._samples.learn(near, inverse_root @ C[pivots], weights, inverse_root @ cross, reading)
+        self.mean[weights] += (reading.mean @ inverse_root) @ cross
+        G = cross.T @ (inverse_root.T @ self._shrinkage_root(reading.cholesky))
         touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * tolerance)
         G, weights = G[touched], weights[touched]
         self.covariance.lower(weights, G)
         self._variance.lower(weights, G)
-        return UpdateReport(
-            n_points=len(points_m),
-            n_occupied=int(is_occupied.sum()),
-            rank=G.shape[1],
-            n_weights_touched=len(weights),
+        return LearningReport(G.shape[1], len(weights), reading.curvature)
+
+    def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
+        """Draws weights from the belief and keeps them up with every later reading."""
+        self._samples = WeightSamples(self.covariance.draw(n_samples, rng), rng)
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """The carried draws of the weights, shape (M, n_samples)."""
+        if self._samples is None:
+            raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
+        return self.mean[:, None] + self._samples.deviations
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """Returns the arrays that make up the belief."""
+        return {
+            "mean": self.mean,
+            "variance_coefficients": self._variance.coefficients,
+            **self.covariance.state(),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes over the arrays of another belief of the same settings and hinges."""
+        self.mean = checked_array(state, "mean", self.mean.shape)
+        self._variance.coefficients = checked_array(
+            state, "variance_coefficients", self._variance.coefficients.shape
         )
+        self.covariance.restore(state)
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """Returns the variance at all points of a lattice."""

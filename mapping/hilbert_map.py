@@ -7,6 +7,12 @@ The offset b(x) makes the prior expect `prior_prevalence` at every point; with t
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,9 +21,10 @@ from .diagonal import DiagonalBelief
 from .full import FullBelief
 from .kernel import HingeFeatures
 from .lattice import Lattice, check_points
-from .likelihood import prior_offset
+from .likelihood import label_log_odds, prior_offset
 from .prediction import Prediction
 from .settings import MapSettings
+from .storage import read_arrays, write_arrays
 
 
 class HilbertMap:
@@ -78,8 +85,17 @@ class HilbertMap:
         points = check_points(points_m)
         labels = _check_labels(is_occupied, len(points))
         if len(points) == 0:
-            return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0)
-        return self._belief.learn(points, self._offset(points), labels)
+            return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0, curvature=np.zeros(0))
+        settings = self.settings
+        log_odds = label_log_odds(labels, settings.false_positive_rate, settings.false_negative_rate)
+        report = self._belief.learn(points, self._offset(points), log_odds)
+        return UpdateReport(
+            n_points=len(points),
+            n_occupied=int(labels.sum()),
+            rank=report.rank,
+            n_weights_touched=report.n_weights_touched,
+            curvature=report.curvature,
+        )
 
     def predict(self, points_m: ArrayLike) -> Prediction:
         """Returns the belief at any points [m], shape (N, 3)."""
@@ -103,6 +119,76 @@ class HilbertMap:
             return Prediction(mean, variance)
         return Prediction(mean[self._query_mask], variance[self._query_mask])
 
+    def carry_samples(self, n_samples: int, *, rng: np.random.Generator) -> None:
+        """Draws whole maps from the belief and keeps them up with every later reading.
+
+        Args:
+            n_samples: How many.
+            rng: Source of the draws, now and at every later reading.
+        """
+        if n_samples < 1:
+            raise ValueError(f"n_samples must be at least 1, not {n_samples}")
+        self._belief.carry_samples(n_samples, rng)
+
+    def sample_lattice(self) -> NDArray[np.float64]:
+        """Returns the carried draws of the latent at the points that `predict_lattice` answers for, shape
+        (S, N).
+
+        A draw is a whole map: sigma(f) is its probability of occupancy at each point, f > 0 its outline.
+
+        Raises:
+            ValueError: If no samples are carried, or the map was made without a query lattice.
+        """
+        if self.query is None or self._lattice_offset is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        draws = (self._lattice_offset[:, None] + self._belief.lattice_samples(self.query)).T
+        return draws if self._query_mask is None else draws[:, self._query_mask]
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the map to one npz file, whole or not at all; carried samples are not kept."""
+        lattices: dict[str, NDArray] = {
+            f"hinges_{name}_m": axis for name, axis in zip("xyz", self.hinges.axes_m, strict=True)
+        }
+        if self.query is not None:
+            lattices |= {f"query_{name}_m": axis for name, axis in zip("xyz", self.query.axes_m, strict=True)}
+        if self._query_mask is not None:
+            lattices["query_mask"] = self._query_mask
+        write_arrays(
+            Path(path),
+            {
+                "settings": np.array(json.dumps(asdict(self.settings))),
+                "hinge_mask": self._features.weight_of_hinge >= 0,
+                **lattices,
+                **self._belief.state(),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> HilbertMap:
+        """Returns a map that `save` wrote.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is damaged, foreign or of another version; the text names file and reason.
+        """
+        arrays = read_arrays(Path(path))
+        try:
+            settings = MapSettings(**json.loads(str(arrays["settings"])))
+            query = _read_lattice(arrays, "query") if "query_x_m" in arrays else None
+            loaded = cls(
+                _read_lattice(arrays, "hinges"),
+                settings,
+                query=query,
+                query_mask=arrays.get("query_mask"),
+                hinge_mask=arrays["hinge_mask"],
+            )
+            loaded._belief.restore(arrays)
+        except KeyError as error:
+            raise ValueError(f"{path} is no whole map: its array {error} is missing") from error
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{path} is no whole map: {error}") from error
+        return loaded
+
     def query_points_m(self) -> NDArray[np.float64]:
         """Returns the points [m] that `predict_lattice` answers for, shape (N, 3)."""
         if self.query is None:
@@ -118,6 +204,10 @@ class HilbertMap:
         x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(query))
         variance = self.settings.weight_variance * (x[:, None, None] * y[:, None] * z).ravel()
         return prior_offset(self.settings.prior_prevalence, variance)
+
+
+def _read_lattice(arrays: Mapping[str, NDArray], name: str) -> Lattice:
+    return Lattice((arrays[f"{name}_x_m"], arrays[f"{name}_y_m"], arrays[f"{name}_z_m"]))
 
 
 def _make_belief(features: HingeFeatures, settings: MapSettings) -> Belief:

@@ -82,12 +82,14 @@ class HingeFeatures:
         return self.weight_of_hinge[box_indices(box, self.hinges.shape)]
 
     def over_hinges(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns a value per weight laid out over the lattice, shape (n_x, n_y, n_z, 1), zero where there
-        is none.
+        """Returns values of the weights, shape (M,) or (M, R), laid out over the lattice with zeros in the
+        gaps.
+
+        The shape is (n_x, n_y, n_z, R), R = 1 for one value per weight.
         """
-        tensor = np.zeros((*self.hinges.shape, 1))
-        tensor.reshape(-1)[self.weight_of_hinge >= 0] = values
-        return tensor
+        tensor = np.zeros((self.hinges.n_points, *values.reshape(len(values), -1).shape[1:]))
+        tensor[self.weight_of_hinge >= 0] = values.reshape(len(values), -1)
+        return tensor.reshape(*self.hinges.shape, -1)
 
     def along_axes(self, points_m: NDArray[np.float64], box: Box | None = None) -> AxisFeatures:
         """Returns the factors of the features of N points for the hinges of a box (all without a box)."""

@@ -91,12 +91,11 @@ def _pair_sums(tensor: NDArray[np.float64], overlap: list[NDArray[np.float64]]) 
     planes = tensor.reshape(nx, ny * nz, rank)
     over_x = np.zeros((2 * nx - 1, ny * nz, ny * nz))
     for i in range(nx):
-        # Pairs of planes (i, j) and (j, i) give the same once the other axes are summed, so i <= j is enough.
-        products = planes[i] @ planes[i:].reshape(-1, rank).T
-        factor = np.where(np.arange(i, nx) == i, 1.0, 2.0) * overlap[0][i, i:]
-        over_x[2 * i : i + nx] += (
-            products.reshape(ny * nz, nx - i, ny * nz).swapaxes(0, 1) * factor[:, None, None]
-        )
+        for j in range(i, nx):
+            products = planes[i] @ planes[j].T
+            # The pair (j, i) adds the transpose of (i, j), which is the same once the other axes are summed.
+            products *= overlap[0][i, j] if i == j else 2 * overlap[0][i, j]
+            over_x[i + j] += products
     over_y = np.zeros((2 * nx - 1, 2 * ny - 1, nz, nz))
     pairs = over_x.reshape(2 * nx - 1, ny, nz, ny, nz)
     for i in range(ny):

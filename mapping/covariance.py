@@ -20,9 +20,13 @@ class DenseCovariance:
         np.fill_diagonal(self.matrix, weight_variance)
         self._all = np.arange(n_weights)
 
-    def rows(self, weights: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the weights (m,) that may covary with some weights (k,), and those rows, shape (k, m)."""
-        return self._all, self.matrix[weights]
+    def cross(
+        self, C: NDArray[np.float64], weights: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
+        (r, m).
+        """
+        return self._all, C @ self.matrix[weights]
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
         """Takes G G^T off the covariance of some weights (k,), for G of shape (k, s)."""

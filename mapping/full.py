@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from .belief import Belief, LearningReport
+from .carried_variance import CarriedVariance
 from .covariance import DenseCovariance
 from .kernel import HingeFeatures
 from .lattice import Lattice
@@ -23,6 +24,7 @@ from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exa
 from .samples import WeightSamples
 from .settings import MapSettings
 from .storage import checked_array
+from .tiled import TiledCovariance
 from .variance_field import VarianceField
 from .variational import fit_reading
 
@@ -39,14 +41,35 @@ _QUERY_CUTOFF = 0.01  # terms of the variance at a query point
 class FullBelief(Belief):
     """Gaussian belief over the weights, mean and dense covariance."""
 
-    def __init__(self, features: HingeFeatures, settings: MapSettings) -> None:
-        """Starts at zero mean and independent weights."""
+    def __init__(
+        self,
+        features: HingeFeatures,
+        settings: MapSettings,
+        covariance: DenseCovariance | TiledCovariance,
+        variance: VarianceField | CarriedVariance,
+    ) -> None:
+        """Starts at zero mean, with a covariance and its variance at points as the form keeps them."""
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
-        self.covariance = DenseCovariance(features.n_weights, settings.weight_variance)
-        self._variance = VarianceField(features, settings.weight_variance)
+        self.covariance = covariance
+        self._variance = variance
         self._samples: WeightSamples | None = None
+
+    @classmethod
+    def dense(cls, features: HingeFeatures, settings: MapSettings) -> FullBelief:
+        """Returns the prior belief of the form `full`."""
+        covariance = DenseCovariance(features.n_weights, settings.weight_variance)
+        return cls(features, settings, covariance, VarianceField(features, settings.weight_variance))
+
+    @classmethod
+    def local(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:
+        """Returns the prior belief of the form `local`."""
+        covariance = TiledCovariance(features, settings.weight_variance)
+        cutoff = _QUERY_CUTOFF * settings.tolerance
+        return cls(
+            features, settings, covariance, CarriedVariance(features, covariance, query, cutoff=cutoff)
+        )
 
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
@@ -55,8 +78,7 @@ class FullBelief(Belief):
         tolerance = self._settings.tolerance
         reduction = self._reduce(points_m)
         near, C = reduction.hinges, reduction.directions
-        weights, rows = self.covariance.rows(near)
-        cross = C @ rows  # C Sigma
+        weights, cross = self.covariance.cross(C, near)
         root, pivots = self._root(cross[:, np.searchsorted(weights, near)] @ C.T)
         prior_mean = offset + reduction.at_points(C @ self.mean[near])
         basis = reduction.at_points(root)

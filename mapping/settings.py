@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-Form = Literal["full", "diagonal"]
+Form = Literal["full", "local", "diagonal"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,8 @@ class MapSettings:
     n_em_iterations: int = 3
     """Rounds of the variational bound within one reading."""
     form: Form = "full"
-    """`full` keeps the covariance of the weights; `diagonal` their variances alone, which double-counts
-    points.
+    """`full` keeps the whole covariance of the weights; `local` only near its diagonal, for more than 5,000
+    hinges; `diagonal` their variances alone, which counts points many times.
     """
     tolerance: float = 1e-6
     """Size of what the computation may leave out: smaller is slower and closer, 0 is exact to rounding."""
@@ -51,8 +51,8 @@ class MapSettings:
             raise ValueError(
                 f"n_em_iterations must be a whole number of at least 1, not {self.n_em_iterations}"
             )
-        if self.form not in ("full", "diagonal"):
-            raise ValueError(f"form must be 'full' or 'diagonal', not {self.form!r}")
+        if self.form not in ("full", "local", "diagonal"):
+            raise ValueError(f"form must be 'full', 'local' or 'diagonal', not {self.form!r}")
         if not 0 <= self.tolerance <= 0.1:
             raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {self.tolerance}")
 

@@ -56,7 +56,7 @@ def test_exact_posterior_equals_dense_bayes_after_five_readings(prior_prevalence
     np.testing.assert_allclose(answer.latent_mean, mean, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(answer.latent_variance, variance, rtol=1e-6)
     np.testing.assert_allclose(answer.probability, probability, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(exact.belief.covariance, reference.covariance, atol=1e-6)
+    np.testing.assert_allclose(exact.belief.covariance.matrix, reference.covariance, atol=1e-6)
 
 
 def test_default_compression_moves_no_probability_by_more_than_a_thousandth():

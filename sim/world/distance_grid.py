@@ -1,4 +1,4 @@
-"""Signed distance to an organ on a lattice, read by trilinear interpolation: cheap enough for every IK step."""
+"""Signed distance to an organ on a lattice, read by interpolation: cheap enough for every IK step."""
 
 from dataclasses import dataclass
 

@@ -1,13 +1,13 @@
 """Implicit solids: fields that are negative inside, and smooth ways of joining and cutting them.
 
-All fields are close to signed distances near their zero level. The smooth joins are the polynomial ones of Quilez
-(https://iquilezles.org/articles/smin), with a rounding length `k` in the unit of the field.
+All fields are close to signed distances near their zero level. The smooth joins are the polynomial ones of
+Quilez (https://iquilezles.org/articles/smin), with a rounding length `k` in the unit of the field.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Field = NDArray[np.float32]
+Field = NDArray[np.floating]
 Coordinates = tuple[Field, Field, Field]
 
 
@@ -71,7 +71,7 @@ def plan_distance(at: Coordinates, start: ArrayLike, end: ArrayLike) -> tuple[Fi
 def waves(
     axes: tuple[Field, Field, Field], rng: np.random.Generator, *, n: int, lengths: tuple[float, float]
 ) -> Field:
-    """A smooth random field of unit variance on a lattice: n plane waves of random direction, length and phase.
+    """A smooth random field of unit variance on a lattice: plane waves of random direction, length and phase.
 
     A plane wave is a product of one factor per axis, so the sum of all is one matrix product.
 

@@ -1,9 +1,9 @@
-"""Livers by seed: an implicit shape, its surface by marching cubes, simplified to a usable number of triangles.
+"""Livers by seed: an implicit shape, its surface by marching cubes, simplified to fewer triangles.
 
     python -m sim.world.liver_generator --seed 3 --out liver.stl
 
-The volume follows what was published for the LiTS training set: 1,586 +- 447 ml. Needs the optional packages of
-`pip install 'sounding[generate]'`.
+The volume follows what was published for the LiTS training set: 1,586 +- 447 ml. Needs the optional packages
+of `pip install 'sounding[generate]'`.
 """
 
 import argparse
@@ -96,8 +96,9 @@ def _sample_field(shape: LiverShape, rng: np.random.Generator) -> Field:
     axes = [np.arange(low, high, SPACING_MM, dtype=np.float32) for low, high in BOX_MM]
     x, y, z = np.meshgrid(*axes, indexing="ij", sparse=True)
     field = gaussian_filter(liver_field(shape, (x, y, z), rng), SMOOTHING)
-    pieces, n_pieces = label(field < 0.0)
-    if n_pieces > 1:
+    pieces = np.zeros(field.shape, dtype=np.int32)
+    label(field < 0.0, output=pieces)
+    if pieces.max() > 1:
         largest = np.bincount(pieces.ravel())[1:].argmax() + 1
         field[(pieces > 0) & (pieces != largest)] = SPACING_MM
     return field
@@ -113,7 +114,7 @@ def _surface(field: Field, measure: ModuleType) -> trimesh.Trimesh:
 
 
 def _simplify(mesh: trimesh.Trimesh, n_triangles: int, fast_simplification: ModuleType) -> trimesh.Trimesh:
-    """The surface with few enough triangles: edges are collapsed where that moves the surface least (quadrics)."""
+    """The surface with few enough triangles: edges are collapsed where that moves it least (quadrics)."""
     if len(mesh.faces) <= n_triangles:
         return mesh
     vertices, faces = fast_simplification.simplify(
@@ -127,7 +128,9 @@ def _simplify(mesh: trimesh.Trimesh, n_triangles: int, fast_simplification: Modu
 
 def _is_sound(mesh: trimesh.Trimesh) -> bool:
     """True for one closed body without tunnels."""
-    return bool(mesh.is_watertight and mesh.is_winding_consistent and mesh.euler_number == 2 and mesh.volume > 0)
+    return bool(
+        mesh.is_watertight and mesh.is_winding_consistent and mesh.euler_number == 2 and mesh.volume > 0
+    )
 
 
 def _optional(module: str, package: str) -> ModuleType:
@@ -149,7 +152,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0, help="the same seed gives the same liver")
     parser.add_argument("--volume-ml", type=float, help="volume in millilitres; drawn by default")
     parser.add_argument("--triangles", type=int, default=N_TRIANGLES, help="most triangles")
-    parser.add_argument("--template", action="store_true", help="the template's proportions, not a drawn patient's")
+    parser.add_argument(
+        "--template", action="store_true", help="the template's proportions, not a drawn patient's"
+    )
     parser.add_argument("--out", type=Path, required=True, help="STL, OBJ or PLY file to write")
     options = parser.parse_args(arguments)
     volume_m3 = None if options.volume_ml is None else options.volume_ml * 1e-6

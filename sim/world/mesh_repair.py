@@ -18,7 +18,7 @@ Faces = NDArray[np.int64]
 Vertices = NDArray[np.float64]
 
 MERGE_SHARES = (1e-9, 1e-6, 1e-5)
-"""Vertices closer than this share of the bounding box's diagonal are one; the next is tried while holes remain."""
+"""Vertices closer than this share of the box's diagonal are one; the next is tried while holes remain."""
 
 
 class RepairError(ValueError):

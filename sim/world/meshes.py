@@ -113,8 +113,8 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     except (*READER_ERRORS, OSError, EOFError, MemoryError) as error:
         raise MeshError(
-            f"{path}: cannot be read as {path.suffix[1:].upper()} ({type(error).__name__}: {_first_line(error)}); "
-            "export the mesh again"
+            f"{path}: cannot be read as {path.suffix[1:].upper()} "
+            f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
         ) from error
     if faces.size == 0 or faces.ndim != 2:
         raise MeshError(f"{path}: holds no triangles; export the surface, not its points alone")
@@ -153,8 +153,8 @@ def _check_volume(path: Path, mesh: trimesh.Trimesh) -> None:
     diagonal_m = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if not mesh.volume > FLAT_SHARE * diagonal_m**3:
         raise MeshError(
-            f"{path}: encloses no volume ({mesh.volume * 1e6:.3g} ml in a box of diagonal {diagonal_m * 1e3:.3g} mm); "
-            "it must bound a solid, not a sheet"
+            f"{path}: encloses no volume ({mesh.volume * 1e6:.3g} ml in a box of diagonal "
+            f"{diagonal_m * 1e3:.3g} mm); it must bound a solid, not a sheet"
         )
 
 

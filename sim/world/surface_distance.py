@@ -39,7 +39,7 @@ class SurfaceDistance:
         self._corners_m = solid.vertices_m[solid.faces]
 
     def distance_to_triangles_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance [m] to the triangles of the nearest strewn points, shape (N,): exact close to the surface."""
+        """Distance [m] to the triangles of the nearest strewn points, shape (N,): exact near the surface."""
         n_near = min(N_NEAR_SAMPLES, self._tree.n)
         faces = self._sample_face[self._tree.query(points_m, k=n_near)[1].reshape(-1, n_near)]
         repeated = np.repeat(points_m, n_near, axis=0)

@@ -7,12 +7,12 @@ how to tell, within what the probe can ever sense.
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from .errors import PlantingError
 from .solid import Solid
 from .surface_distance import SurfaceDistance
+from .tumour_shapes import ball_shape, lobulated_shape
 
 Attainable = Callable[[NDArray[np.float64]], float]
 """Given points [m], shape (N, 3), the fraction of them that some pose of the probe can sense."""
@@ -25,9 +25,6 @@ LEAST_ATTAINABLE = 0.95
 
 N_ATTAINABLE_POINTS = 500
 """Points drawn in a tumour to judge how much of it is attainable."""
-
-SPHERE_SUBDIVISIONS = 3
-"""Subdivisions of the icosahedron: 1,280 triangles, whose edges on a 40 mm tumour are 3 mm long."""
 
 SPHERE_DEPTH_RANGE_M = (0.036, 0.084)
 """Depth of a sphere's centre below the surface above it [m]: the paper scenario's 1.2 to 2.8 units."""
@@ -98,7 +95,7 @@ def plant_spheres(
             f"radius_m={radius_m} must be above 0, depth_range_m={depth_range_m} ascending from 0 on, "
             f"half_width_m={half_width_m} at least 0"
         )
-    unit_m, faces = _sphere()
+    unit_m, faces = ball_shape()
     shape_m = unit_m * radius_m
 
     def is_deep(points_m: NDArray[np.float64]) -> bool:
@@ -173,38 +170,6 @@ def plant_lobulated(
     return tuple(planted)
 
 
-def lobulated_shape(
-    diameter_m: float, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices [m] about the origin, and faces, of a random lobulated blob.
-
-    A sphere, stretched a little along random axes, with lobes: smooth bumps of random direction, width and
-    height that are added to its radius. Being star-shaped about the origin, it never crosses itself.
-
-    Args:
-        diameter_m: Diameter of the sphere of equal volume [m].
-        rng: Source of the draws.
-
-    Returns:
-        Vertices, shape (V, 3), and faces, shape (F, 3).
-    """
-    directions, faces = _sphere()
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    n_lobes = int(rng.integers(5, 10))
-    lobes = _unit_vectors(n_lobes, rng)
-    sharpness = rng.uniform(4.0, 14.0, n_lobes)  # a lobe is about 1 / sqrt(sharpness) rad wide
-    height = rng.uniform(0.10, 0.30, n_lobes)
-    radius = 0.8 + (height * np.exp(sharpness * (directions @ lobes.T - 1.0))).sum(axis=1)
-    for _ in range(6):  # fine unevenness
-        wave = directions @ (_unit_vectors(1, rng)[0] * rng.uniform(5.0, 9.0)) + rng.uniform(0.0, 2.0 * np.pi)
-        radius += 0.015 * np.cos(wave)
-    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    stretch = axes @ np.diag(np.exp(rng.normal(0.0, 0.12, 3))) @ axes.T
-    vertices = (directions * radius[:, None]) @ stretch
-    volume = Solid(vertices, faces).volume_m3
-    return vertices * np.cbrt(np.pi / 6.0 * diameter_m**3 / volume), faces
-
-
 def _place_lobulated(
     organ: Solid,
     surface: SurfaceDistance,
@@ -276,18 +241,6 @@ def _draw_diameters(n: int, range_m: tuple[float, float], rng: np.random.Generat
         is_open = ~((diameters >= range_m[0]) & (diameters <= range_m[1]))
         diameters[is_open] = rng.lognormal(np.log(MEDIAN_DIAMETER_M), DIAMETER_LOG_SPREAD, int(is_open.sum()))
     return np.clip(diameters, *range_m).tolist()
-
-
-def _sphere() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """An icosphere about the origin with the volume of the unit ball."""
-    sphere = trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS)
-    vertices = np.asarray(sphere.vertices) * np.cbrt(4.0 / 3.0 * np.pi / sphere.volume)
-    return vertices, np.asarray(sphere.faces, dtype=np.int64)
-
-
-def _unit_vectors(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    vectors = rng.normal(size=(n, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _check_count(n: int) -> None:

@@ -44,7 +44,11 @@ def ball_anatomy() -> Anatomy:
         mesh.apply_translation(centre_m + offset_m)
         return Solid.from_trimesh(mesh)
 
-    tumours = (ball(0.015, (0.0, 0.0, 0.02)), ball(0.008, (0.002, 0.0, 0.02)), ball(0.012, (0.012, 0.0, 0.015)))
+    tumours = (
+        ball(0.015, (0.0, 0.0, 0.02)),
+        ball(0.008, (0.002, 0.0, 0.02)),
+        ball(0.012, (0.012, 0.0, 0.015)),
+    )
     return build_anatomy(ball(0.06, (0.0, 0.0, 0.0)), tumours, name="ball", rng=np.random.default_rng(0))
 
 

@@ -32,7 +32,12 @@ def panda_flange(q: np.ndarray) -> np.ndarray:
     T = np.eye(4)
     for (a, alpha, d), theta in zip(PANDA_DH, q, strict=True):
         ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta)
-        link = [[ct, -st, 0, a], [st * ca, ct * ca, -sa, -d * sa], [st * sa, ct * sa, ca, d * ca], [0, 0, 0, 1]]
+        link = [
+            [ct, -st, 0, a],
+            [st * ca, ct * ca, -sa, -d * sa],
+            [st * sa, ct * sa, ca, d * ca],
+            [0, 0, 0, 1],
+        ]
         T = T @ np.array(link)
     return T @ np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.107], [0, 0, 0, 1]])
 
@@ -87,7 +92,10 @@ def test_a_keyframe_of_the_wrong_size_is_left_out(tmp_path) -> None:
     [
         (TWO_JOINTS.format(extra="").replace('name="end"', 'name="tool"'), "no site named 'flange'.*tool"),
         ("<mujoco><worldbody><geom size='1'/><site name='flange'/></worldbody></mujoco>", "no joints"),
-        ("<mujoco><worldbody><body><freejoint/><geom size='1'/><site name='flange'/></body></worldbody></mujoco>", "free"),
+        (
+            "<mujoco><worldbody><body><freejoint/><geom size='1'/><site name='flange'/></body></worldbody></mujoco>",
+            "free",
+        ),
         ("<mujoco><worldbody><body>", "cannot compile"),
         (TWO_JOINTS.format(extra='<asset><mesh name="m" file="gone.stl"/></asset>'), "gone.stl"),
     ],

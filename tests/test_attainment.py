@@ -27,7 +27,10 @@ class PickyCarrier(Carrier):
 
 def random_workspace(rng: np.random.Generator, n: int) -> Workspace:
     normals = rng.normal(size=(n, 3)) * [0.2, 0.2, 1.0] - [0, 0, 3.0]
-    return Workspace(rng.uniform(-0.08, 0.08, (n, 3)) * [1, 1, 0.1] + 1.0, normals / np.linalg.norm(normals, axis=1)[:, None])
+    return Workspace(
+        rng.uniform(-0.08, 0.08, (n, 3)) * [1, 1, 0.1] + 1.0,
+        normals / np.linalg.norm(normals, axis=1)[:, None],
+    )
 
 
 def test_visibility_equals_the_cone_pose_by_pose(cone) -> None:
@@ -36,7 +39,10 @@ def test_visibility_equals_the_cone_pose_by_pose(cone) -> None:
     points_m = 1.0 + rng.uniform([-0.1, -0.1, -0.12], [0.1, 0.1, 0.01], (700, 3))
     sees = visibility(workspace, cone, points_m)
     expected = np.column_stack(
-        [cone.contains(points_m, *pose) for pose in zip(workspace.positions_m, workspace.normals, strict=True)]
+        [
+            cone.contains(points_m, *pose)
+            for pose in zip(workspace.positions_m, workspace.normals, strict=True)
+        ]
     )
     assert (sees != expected).sum() <= 1  # of 210,000: a point may lie on a mantle to rounding
     assert sees.any()

@@ -51,7 +51,9 @@ def forward(scene, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, mujoco.MjData
 
 @pytest.mark.parametrize("polar_deg", [0, 15, 30, 45])
 @pytest.mark.parametrize("azimuth_deg", [0, 90, 180, 270])
-def test_poses_on_a_ball_are_reached_and_the_answer_holds(scene, kinematics, polar_deg: int, azimuth_deg: int) -> None:
+def test_poses_on_a_ball_are_reached_and_the_answer_holds(
+    scene, kinematics, polar_deg: int, azimuth_deg: int
+) -> None:
     position_m, normal = ball_pose(np.deg2rad(polar_deg), np.deg2rad(azimuth_deg))
     answer = kinematics.solve(position_m, normal)
     assert answer.is_reached, answer.explain()
@@ -62,7 +64,9 @@ def test_poses_on_a_ball_are_reached_and_the_answer_holds(scene, kinematics, pol
         assert np.arccos(np.clip(beam @ normal, -1, 1)) < np.deg2rad(1.0)
         assert np.all((q >= low) & (q <= high))
         assert data.ncon == 0
-    assert answer.position_error_m == pytest.approx(np.linalg.norm(forward(scene, answer.q)[0] - position_m), abs=1e-12)
+    assert answer.position_error_m == pytest.approx(
+        np.linalg.norm(forward(scene, answer.q)[0] - position_m), abs=1e-12
+    )
 
 
 def test_only_the_face_touches_the_organ(scene, kinematics, clearance) -> None:
@@ -130,14 +134,21 @@ def test_a_true_concavity_is_not_closed_by_its_hull(cone) -> None:
     anatomy = build_anatomy(bowl, name="bowl", rng=np.random.default_rng(0))
     bowl_scene = build_scene(anatomy, cone, arm=ArmModel())
     carrier = ArmCarrier(
-        bowl_scene, Workspace(np.array([[0.5, 0.0, 0.03]]), np.array([[0.0, 0.0, -1.0]])), DistanceGrid.from_solid(bowl)
+        bowl_scene,
+        Workspace(np.array([[0.5, 0.0, 0.03]]), np.array([[0.0, 0.0, -1.0]])),
+        DistanceGrid.from_solid(bowl),
     )
     assert carrier.reach(0).is_reached, carrier.reach(0).explain()
 
 
 @pytest.mark.parametrize(
     ("position_m", "normal"),
-    [([np.nan, 0, 0], [0, 0, -1]), ([0.5, 0, 0.1], [0, 0, -2]), ([0.5, 0], [0, 0, -1]), ([0.5, 0, 0.1], [0, 0, 0])],
+    [
+        ([np.nan, 0, 0], [0, 0, -1]),
+        ([0.5, 0, 0.1], [0, 0, -2]),
+        ([0.5, 0], [0, 0, -1]),
+        ([0.5, 0, 0.1], [0, 0, 0]),
+    ],
 )
 def test_a_bad_pose_is_refused(kinematics, position_m, normal) -> None:
     with pytest.raises(ValueError, match="position_m|normal"):

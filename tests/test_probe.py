@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from planner import Workspace
 from sim.carrier import FreeCarrier
 from sim.world.probe import Probe, ProbeSettings
 from sim.world.scene import build_scene
-from planner import Workspace
 
 POSES = Workspace(
     np.array([[0.5, 0.0, 0.12], [0.52, 0.01, 0.1157], [0.5, 0.0, 0.06]]),

@@ -31,10 +31,10 @@ def test_meshes_lie_where_the_anatomy_says(ball_anatomy, cone) -> None:
     data, geom = scene.new_data(), np.empty(1, np.int32)
     groups = np.zeros(6, np.uint8)
     groups[Group.ORGAN] = 1
-    for direction in np.eye(3):
+    for direction in np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0].T.copy():
         start_m = np.array([0.5, 0.0, 0.06]) - 0.2 * direction
         gap_m = mujoco.mj_ray(scene.model, data, start_m, direction, groups, 1, -1, geom)
-        assert gap_m == pytest.approx(0.14, abs=1e-5)  # MuJoCo keeps vertices in single precision
+        assert gap_m == pytest.approx(0.14, abs=2e-4)  # facets lie up to 0.1 mm inside the ball
 
 
 def test_organ_and_tumours_are_free_of_hull_contacts(ball_anatomy, cone) -> None:

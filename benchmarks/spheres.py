@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 
 from mapping import HilbertMap, Lattice, MapSettings
@@ -55,7 +55,9 @@ def candidate_poses(rng: np.random.Generator, n_poses: int) -> list[Pose]:
     return [Pose(apex_m, axis) for apex_m, axis in zip(apexes_m, axes, strict=True)]
 
 
-def cone_points(pose: Pose, rng: np.random.Generator, n_points: int = 1000) -> NDArray[np.float64]:
+def cone_points(
+    pose: Pose, rng: np.random.Generator, n_points: int = 1000, box_m: ArrayLike = BOX_M
+) -> NDArray[np.float64]:
     """Returns points even in volume within the cone and the box."""
     depth_m = DEPTH_M * rng.random(n_points) ** (1 / 3)
     radius_m = depth_m * np.tan(HALF_ANGLE_RAD) * np.sqrt(rng.random(n_points))
@@ -69,7 +71,8 @@ def cone_points(pose: Pose, rng: np.random.Generator, n_points: int = 1000) -> N
         + (radius_m * np.cos(angle_rad))[:, None] * first
         + (radius_m * np.sin(angle_rad))[:, None] * second
     )
-    return points_m[np.all((points_m >= BOX_M[0]) & (points_m <= BOX_M[1]), axis=1)]
+    low_m, high_m = np.asarray(box_m)
+    return points_m[np.all((points_m >= low_m) & (points_m <= high_m), axis=1)]
 
 
 def make_map(settings: MapSettings, query_counts: tuple[int, int, int] = (22, 22, 13)) -> HilbertMap:

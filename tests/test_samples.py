@@ -34,8 +34,7 @@ def assert_draws_agree(trial):
     )
 
 
-@pytest.mark.parametrize("form", ["full", "diagonal"])
-@pytest.mark.parametrize("n_before", [0, 2])
+@pytest.mark.parametrize(("form", "n_before"), [("full", 0), ("full", 2), ("local", 0), ("diagonal", 2)])
 def test_mean_and_variance_of_the_draws_are_those_of_the_map(form, n_before):
     trial = make_map(form=form)
     learn(trial, n_before)

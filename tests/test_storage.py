@@ -26,7 +26,7 @@ def learn(trial):
     trial.update(points_m, points_m[:, 2] < -0.01)
 
 
-@pytest.mark.parametrize("form", ["full", "diagonal"])
+@pytest.mark.parametrize("form", ["full", "local", "diagonal"])
 def test_a_saved_map_answers_and_learns_as_before(form, tmp_path):
     trial = learnt_map(form=form, prior_prevalence=0.03)
     trial.save(tmp_path / "map.npz")

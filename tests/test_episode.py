@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -33,7 +36,7 @@ def test_the_stage_is_the_papers(sphere_stage) -> None:
 def test_sensed_fraction_never_falls_and_equals_the_cones_union(sphere_stage) -> None:
     episode, steps = run(sphere_stage, make_planner("multi-resolution"), n=25)
     fractions = [step.sensed_fraction for step in steps]
-    assert all(later >= earlier for earlier, later in zip(fractions, fractions[1:], strict=False))
+    assert all(later >= earlier for earlier, later in pairwise(fractions))
     points_m = episode.truth.anatomy.detection_points_m
     workspace = sphere_stage.workspace
     held = np.zeros(len(points_m), dtype=bool)
@@ -110,8 +113,6 @@ class LameCarrier(Carrier):
 
 
 def test_unreachable_poses_are_skipped_once_and_the_episode_ends_when_none_is_left(sphere_stage) -> None:
-    from dataclasses import replace
-
     class Listed(Planner):
         needs_belief = False
 

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -127,7 +129,9 @@ def test_overlapping_bodies_are_allowed_and_remarked_on(tmp_path):
     loaded = load(tmp_path, trimesh.util.concatenate([ball_mm(), other]))
     # Two balls of radius R at distance d share pi (4 R + d) (2 R - d)^2 / 12 = 288 ml of a union of 759 ml: 38 %.
     assert len(loaded.notices) == 1
-    assert "3" in loaded.notices[0] and "% of the volume is covered more than once" in loaded.notices[0]
+    stated = re.search(r"(\d+)% of the volume is covered more than once", loaded.notices[0])
+    assert stated is not None
+    assert abs(int(stated[1]) - 38) <= 3  # counted on a lattice of 32 points per axis
 
 
 def test_a_surface_that_turns_itself_inside_out_is_refused(tmp_path):

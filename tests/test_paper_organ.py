@@ -68,6 +68,6 @@ def test_normals_are_those_of_the_formula(organ):
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
     angle = np.rad2deg(np.arccos(np.clip(np.einsum("ij,ij->i", inward, organ.surface.normals), -1, 1)))
     inner = np.abs(organ.surface.positions_m[:, :2]).max(axis=1) < 0.0865
-    # Ten neighbours reach 0.1 units and are not symmetric; the curvature of up to 1 turns the plane by 2 degrees.
+    # Ten neighbours reach 0.1 units and are not symmetric; a curvature up to 1 turns the plane by 2 degrees.
     assert angle[inner].max() < 3.0
     assert np.linalg.norm(organ.surface.normals, axis=1) == pytest.approx(np.ones(14400))

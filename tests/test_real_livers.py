@@ -36,6 +36,6 @@ def test_a_real_case_loads_is_placed_and_has_a_workspace(case):
 
     surface = upper_surface_workspace(anatomy.organ, 2000, rng=rng)
     assert surface.n_poses == pytest.approx(2000, rel=0.1)
-    # A step along the inward normal leads into the organ, a step back out of it, but at sharp margins and folds.
+    # A step along the inward normal leads into the organ, one back out of it, but at sharp margins and folds.
     assert anatomy.is_inside_organ(surface.positions_m + 0.003 * surface.normals).mean() > 0.97
     assert anatomy.is_inside_organ(surface.positions_m - 0.003 * surface.normals).mean() < 0.03

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
 from sim.world.errors import PlantingError
 from sim.world.paper_organ import UNIT_M, paper_organ, surface_height
@@ -16,7 +17,7 @@ def organ():
 
 @pytest.fixture(scope="module")
 def ball():
-    return Solid.from_trimesh(trimesh.creation.icosphere(subdivisions=4, radius=0.07))
+    return Solid.from_trimesh(trimesh.creation.icosphere(subdivisions=3, radius=0.07))
 
 
 def centre_m(tumour):
@@ -62,7 +63,8 @@ def test_lobulated_tumours_are_deep_apart_and_in_range(ball):
         assert mesh.is_watertight
         assert mesh.volume > 0
         for other in tumours[:i]:
-            assert trimesh.proximity.signed_distance(mesh, other.vertices_m).max() <= -0.002
+            assert KDTree(other.vertices_m).query(tumour.vertices_m)[0].min() >= 0.002
+            assert not mesh.contains(other.vertices_m).any()
 
 
 def test_lobulated_shapes_are_bumpy_but_not_torn():
@@ -101,7 +103,7 @@ def test_only_attainable_places_are_taken(ball):
 
 @pytest.mark.parametrize("plant", [plant_spheres, plant_lobulated])
 def test_an_organ_out_of_reach_gives_an_error_with_a_remedy(ball, plant):
-    with pytest.raises(PlantingError, match="no place was found for .* 1 of 2 .* ask for fewer or smaller"):
+    with pytest.raises(PlantingError, match=r"no place was found for .* 1 of 2 .* ask for fewer or smaller"):
         plant(ball, 2, rng=np.random.default_rng(0), is_attainable=lambda points_m: 0.5)
 
 
@@ -113,7 +115,7 @@ def test_too_many_tumours_give_an_error(ball):
 def test_arguments_out_of_range_are_refused(ball):
     with pytest.raises(ValueError, match=r"diameter_range_m=\(0.02, 0.01\) must ascend"):
         plant_lobulated(ball, 1, rng=np.random.default_rng(0), diameter_range_m=(0.02, 0.01))
-    with pytest.raises(ValueError, match="radius_m=0.0 must be above 0"):
+    with pytest.raises(ValueError, match=r"radius_m=0\.0 must be above 0"):
         plant_spheres(ball, 1, rng=np.random.default_rng(0), radius_m=0.0)
 
 

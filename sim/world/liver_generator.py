@@ -42,7 +42,7 @@ N_TRIANGLES = 8000
 """Triangles kept by default: the surface then moves by about 0.1 mm."""
 
 HASTE = (5.0, 3.0, 1.0)
-"""How hastily the simplification collapses edges (0 to 10), tried in turn: slower is more even and less torn."""
+"""How hastily the simplification collapses edges (0 to 10), in turn: slower is more even and tears less."""
 
 N_SPARE_TRIANGLES = 8
 """Triangles below the limit that are aimed for, as the simplification may end a few above its aim."""

@@ -69,7 +69,7 @@ def test_samples_are_inside_and_even_in_volume():
     points = ball(0.05, 4).sample_inside(20000, rng)
     assert points.shape == (20000, 3)
     radius = np.linalg.norm(points, axis=1) / 0.05
-    # In a ball r^3 is uniform: mean 1/2, and each octant holds an eighth. Five standard errors of 20,000 draws.
+    # In a ball r^3 is uniform with mean 1/2, and octants hold an eighth each: five standard errors of 20,000.
     assert np.mean(radius**3) == pytest.approx(0.5, abs=5 * np.sqrt(1 / 12 / 20000) + 2e-3)
     octants = np.bincount((points > 0) @ [1, 2, 4], minlength=8) / 20000
     assert octants == pytest.approx(np.full(8, 0.125), abs=5 * np.sqrt(0.125 * 0.875 / 20000))

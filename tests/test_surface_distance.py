@@ -39,7 +39,7 @@ def test_strewn_points_lie_on_the_surface_and_leave_no_gap(wedge):
     assert trimesh.proximity.closest_point(wedge.to_trimesh(), points[::20])[1].max() < 1e-12
     on_surface, _ = trimesh.sample.sample_surface(wedge.to_trimesh(), 3000, seed=0)
     gaps = KDTree(points).query(on_surface)[0]
-    # A triangle whose edges are all at most 2 mm has a circumradius of at most 1.16 mm or is obtuse, then 1 mm.
+    # Edges of at most 2 mm: a circumradius of at most 1.16 mm, or an obtuse triangle, within 1 mm of a corner.
     assert gaps.max() <= 0.002 / np.sqrt(3.0) + 1e-9
 
 
@@ -75,7 +75,7 @@ def test_the_grid_interpolates_a_ball(ball):
     points, radius = points[radius > 0.02], radius[radius > 0.02]
     distance, gradient = grid.distance_and_gradient(points)
     is_near = np.abs(radius - 0.05) < 0.008
-    # Trilinear error: spacing^2 / 8 x the two curvatures 1 / r at r >= 42 mm is 0.1 mm; with 0.1 mm at the nodes.
+    # Trilinear error: spacing^2 / 8 x two curvatures 1 / r at r >= 42 mm is 0.1 mm; 0.1 mm at the nodes.
     assert distance[is_near] == pytest.approx(radius[is_near] - 0.05, abs=2e-4)
     assert distance == pytest.approx(radius - 0.05, abs=1.2e-3)  # farther nodes may be too far by 1 mm
     # A node error of 0.1 mm over 4 mm turns the slope by at most 0.05, the chord over a cell at 42 mm by 0.1.
@@ -94,7 +94,7 @@ def test_the_gradient_is_that_of_the_distance_inside_and_beyond_the_lattice(ball
         axis=1,
     )
     gap = np.abs(numeric - grid.distance_and_gradient(points)[1])
-    # Central differences err by 1e-9 / step = 1e-8 here, except across a cell's border: allow for one in a hundred.
+    # Central differences err by about 1e-8 here, but across a cell's border: one in a hundred is allowed.
     assert np.quantile(gap.max(axis=1), 0.99) < 1e-6
 
 
@@ -104,7 +104,7 @@ def test_beyond_the_lattice_the_distance_is_a_lower_bound_and_not_idle(ball):
     points = 0.3 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
     bound = grid.distance_m(points)
     assert (bound <= 0.25 + 1e-3).all()  # nodes far from the surface may be too far by up to 1 mm
-    # Towards a corner of the box, 0.121 m from the middle and 0.071 m from the ball: hypot(0.179, 0.071) = 0.192.
+    # Towards the box's corner, 0.121 m from the middle, 0.071 m from the ball: hypot(0.179, 0.071) = 0.192.
     assert (bound >= 0.19).all()
 
 

@@ -46,7 +46,9 @@ def ellipsoid(at: Coordinates, centre: ArrayLike, radii: ArrayLike, axes: ArrayL
         local = [sum((turn[j, i] * local[j] for j in range(3)), start=np.float32(0.0)) for i in range(3)]
     scaled = np.sqrt(sum((local[i] / r[i]) ** 2 for i in range(3)))
     slope = np.sqrt(sum((local[i] / r[i] ** 2) ** 2 for i in range(3)))
-    return np.asarray(scaled * (scaled - 1.0) / np.maximum(slope, 1e-6), dtype=np.float32)
+    at_centre = slope < 1e-9  # the limit there depends on the direction: take the shortest half-axis
+    length = np.where(at_centre, r.min(), scaled / np.where(at_centre, 1.0, slope))
+    return np.asarray((scaled - 1.0) * length, dtype=np.float32)
 
 
 def capsule(at: Coordinates, start: ArrayLike, end: ArrayLike, radii: tuple[float, float]) -> Field:

@@ -10,6 +10,7 @@ import ctypes.util
 import importlib
 import os
 import sys
+from typing import Any
 
 from .errors import WorldError
 
@@ -54,9 +55,7 @@ def install_backend() -> str:
     for backend in [asked] if asked else BACKENDS:
         try:
             context_class = _context_class(backend)
-            context = context_class(8, 8)
-            context.make_current()
-            context.free()
+            _try_context(context_class)
         except Exception as error:
             failures.append(f"{backend}: {_reason(backend, error)}")
             _forget_opengl(backend)
@@ -64,6 +63,19 @@ def install_backend() -> str:
         gl_context.GLContext = context_class
         return backend
     raise RenderingError(f"No OpenGL backend works ({'; '.join(failures)}). {REMEDY}")
+
+
+def _try_context(context_class: Any) -> None:
+    """Make a context and load a model into it; glfw without a display fails only at the second."""
+    import mujoco
+
+    context = context_class(8, 8)
+    try:
+        context.make_current()
+        scale = mujoco.mjtFontScale.mjFONTSCALE_50.value
+        mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), scale).free()
+    finally:
+        context.free()
 
 
 def _reason(backend: str, error: Exception) -> str:

@@ -1,0 +1,1 @@
+"""Measured speed and quality of the map; run one with `python -m benchmarks.<name>`."""

@@ -4,30 +4,33 @@ many times.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
-from .belief import Belief, Moments, UpdateReport
+from .belief import Belief, LearningReport
 from .kernel import AxisFeatures, HingeFeatures, contract, outer_features
 from .lattice import Lattice
-from .likelihood import bound_curvature
+from .likelihood import bound_curvature, expected_label
 from .settings import MapSettings
+from .storage import checked_array
 
 
 class DiagonalBelief(Belief):
     """Independent Gaussian belief over each weight."""
 
-    def __init__(self, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> None:
+    def __init__(self, features: HingeFeatures, settings: MapSettings) -> None:
         """Starts at zero mean and one variance."""
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
+        self._standard: NDArray[np.float64] | None = None
         self.variance = np.full(features.n_weights, settings.weight_variance)
-        self._query = None if query is None else features.on_lattice(query)
 
     def learn(
-        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], is_occupied: NDArray[np.float64]
-    ) -> UpdateReport:
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+    ) -> LearningReport:
         """Takes in a reading.
 
         1 / s'_j = 1 / s_j + 2 sum_n lambda_n phi_nj^2,  mu'_j = s'_j (mu_j / s_j + sum_n phi_nj (y_n - 1/2
@@ -37,40 +40,51 @@ class DiagonalBelief(Belief):
         squares = Phi**2
         prior_mean, prior_variance = self.mean[weights], self.variance[weights]
         mean, variance = prior_mean, prior_variance
+        latent_mean, labels = offset + Phi @ mean, expected_label(0.0, log_odds)
+        curvature = np.zeros(len(points_m))
         for _ in range(self._settings.n_em_iterations):
-            curvature = bound_curvature(np.sqrt(squares @ variance + (offset + Phi @ mean) ** 2))
+            curvature = bound_curvature(np.sqrt(squares @ variance + latent_mean**2))
             variance = 1 / (1 / prior_variance + 2 * curvature @ squares)
-            mean = variance * (
-                prior_mean / prior_variance + (is_occupied - 0.5 - 2 * curvature * offset) @ Phi
-            )
+            mean = variance * (prior_mean / prior_variance + (labels - 0.5 - 2 * curvature * offset) @ Phi)
+            latent_mean = offset + Phi @ mean
+            labels = expected_label(latent_mean, log_odds)
         self.mean[weights], self.variance[weights] = mean, variance
-        return UpdateReport(
-            n_points=len(points_m),
-            n_occupied=int(is_occupied.sum()),
-            rank=len(weights),
-            n_weights_touched=len(weights),
-        )
+        return LearningReport(len(weights), len(weights), curvature)
 
-    def moments(self, points_m: NDArray[np.float64]) -> Moments:
-        """Returns the moments at any points."""
+    def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
+        """Draws standard weights once; the belief's mean and variances scale them."""
+        self._standard = rng.standard_normal((len(self.mean), n_samples))
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """The carried draws of the weights, shape (M, n_samples)."""
+        if self._standard is None:
+            raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
+        return self.mean[:, None] + np.sqrt(self.variance)[:, None] * self._standard
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """Returns the arrays that make up the belief."""
+        return {"mean": self.mean, "variance": self.variance}
+
+    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes over the arrays of another belief of the same settings and hinges."""
+        variance = checked_array(state, "variance", self.variance.shape)
+        if np.any(variance <= 0):
+            raise ValueError("its variances are not all positive")
+        self.mean, self.variance = checked_array(state, "mean", self.mean.shape), variance
+
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance at all points of a lattice."""
+        squares = AxisFeatures(*(factor**2 for factor in self._features.on_lattice(query)))
+        return contract(squares, self._features.over_hinges(self.variance)).ravel()
+
+    def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the variance at points that lie close together."""
         Phi, weights = self._local_features(points_m)
-        return Moments(Phi @ self.mean[weights], Phi**2 @ self.variance[weights])
-
-    def lattice_moments(self) -> Moments:
-        """Returns the moments on the query lattice."""
-        if self._query is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        squares = AxisFeatures(*(factor**2 for factor in self._query))
-        mean = contract(self._query, self._over_hinges(self.mean))
-        return Moments(mean.ravel(), contract(squares, self._over_hinges(self.variance)).ravel())
+        return Phi**2 @ self.variance[weights]
 
     def _local_features(self, points_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         box = self._features.box_around(points_m, self._settings.tolerance)
         weights = self._features.weights_in(box)
         Phi = outer_features(self._features.along_axes(points_m, box))
         return (Phi, weights) if np.all(weights >= 0) else (Phi[:, weights >= 0], weights[weights >= 0])
-
-    def _over_hinges(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        tensor = np.zeros((*self._features.hinges.shape, 1))
-        tensor.reshape(-1)[self._features.weight_of_hinge >= 0] = values
-        return tensor

@@ -7,17 +7,24 @@ The offset b(x) makes the prior expect `prior_prevalence` at every point; with t
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from os import PathLike
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .belief import Belief, Moments, UpdateReport
+from .belief import Belief, UpdateReport
 from .diagonal import DiagonalBelief
 from .full import FullBelief
 from .kernel import HingeFeatures
 from .lattice import Lattice, check_points
-from .likelihood import prior_offset
+from .likelihood import label_log_odds, prior_offset
 from .prediction import Prediction
 from .settings import MapSettings
+from .storage import read_arrays, write_arrays
 
 
 class HilbertMap:
@@ -37,7 +44,7 @@ class HilbertMap:
         Args:
             hinges: Centres of the features, one weight each.
             settings: What the map assumes; the defaults if None.
-            query: Lattice on which `predict_lattice` answers; its moments are carried along.
+            query: Lattice on which `predict_lattice` answers; what it costs does not grow with the readings.
             query_mask: Which points of `query` are asked for, shape (query.n_points,); all if None.
             hinge_mask: Which hinges are kept, shape (hinges.n_points,); all if None. Keep every hinge
                 within four spacings of the organ, since the prior takes the others for present.
@@ -45,15 +52,15 @@ class HilbertMap:
         Raises:
             ValueError: If a mask does not fit its lattice, keeps nothing, or masks a query that is not there.
         """
+        _check_hinges(hinges)
         self.hinges = hinges
         self.settings = settings if settings is not None else MapSettings()
         self.query = query
         self._query_mask = _check_query_mask(query, query_mask)
         hinge_mask = None if hinge_mask is None else np.asarray(hinge_mask, dtype=bool)
         self._features = HingeFeatures.build(hinges, self.settings.gamma_per_m2, hinge_mask)
-        prior = self._prior_on_lattice()
-        self._lattice_offset = prior_offset(self.settings.prior_prevalence, prior.variance)
-        self._belief = self._make_belief(prior)
+        self._lattice_offset = None if query is None else self._offset_on_lattice(query)
+        self._belief = _make_belief(self._features, self.settings, query)
 
     @property
     def n_weights(self) -> int:
@@ -78,8 +85,17 @@ class HilbertMap:
         points = check_points(points_m)
         labels = _check_labels(is_occupied, len(points))
         if len(points) == 0:
-            return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0)
-        return self._belief.learn(points, self._offset(points), labels)
+            return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0, curvature=np.zeros(0))
+        settings = self.settings
+        log_odds = label_log_odds(labels, settings.false_positive_rate, settings.false_negative_rate)
+        report = self._belief.learn(points, self._offset(points), log_odds)
+        return UpdateReport(
+            n_points=len(points),
+            n_occupied=int(labels.sum()),
+            rank=report.rank,
+            n_weights_touched=report.n_weights_touched,
+            curvature=report.curvature,
+        )
 
     def predict(self, points_m: ArrayLike) -> Prediction:
         """Returns the belief at any points [m], shape (N, 3)."""
@@ -95,11 +111,83 @@ class HilbertMap:
         Raises:
             ValueError: If the map was made without a query lattice.
         """
-        mean, variance = self._belief.lattice_moments()
+        if self.query is None or self._lattice_offset is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        mean, variance = self._belief.lattice_moments(self.query)
         mean = self._lattice_offset + mean
         if self._query_mask is None:
             return Prediction(mean, variance)
         return Prediction(mean[self._query_mask], variance[self._query_mask])
+
+    def carry_samples(self, n_samples: int, *, rng: np.random.Generator) -> None:
+        """Draws whole maps from the belief and keeps them up with every later reading.
+
+        Args:
+            n_samples: How many.
+            rng: Source of the draws, now and at every later reading.
+        """
+        if n_samples < 1:
+            raise ValueError(f"n_samples must be at least 1, not {n_samples}")
+        self._belief.carry_samples(n_samples, rng)
+
+    def sample_lattice(self) -> NDArray[np.float64]:
+        """Returns the carried draws of the latent at the points that `predict_lattice` answers for, shape
+        (S, N).
+
+        A draw is a whole map: sigma(f) is its probability of occupancy at each point, f > 0 its outline.
+
+        Raises:
+            ValueError: If no samples are carried, or the map was made without a query lattice.
+        """
+        if self.query is None or self._lattice_offset is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        draws = (self._lattice_offset[:, None] + self._belief.lattice_samples(self.query)).T
+        return draws if self._query_mask is None else draws[:, self._query_mask]
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the map to one npz file, whole or not at all; carried samples are not kept."""
+        lattices: dict[str, NDArray] = {
+            f"hinges_{name}_m": axis for name, axis in zip("xyz", self.hinges.axes_m, strict=True)
+        }
+        if self.query is not None:
+            lattices |= {f"query_{name}_m": axis for name, axis in zip("xyz", self.query.axes_m, strict=True)}
+        if self._query_mask is not None:
+            lattices["query_mask"] = self._query_mask
+        write_arrays(
+            Path(path),
+            {
+                "settings": np.array(json.dumps(asdict(self.settings))),
+                "hinge_mask": self._features.weight_of_hinge >= 0,
+                **lattices,
+                **self._belief.state(),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> HilbertMap:
+        """Returns a map that `save` wrote.
+
+        Raises:
+            FileNotFoundError: If there is no such file.
+            ValueError: If the file is damaged, foreign or of another version; the text names file and reason.
+        """
+        arrays = read_arrays(Path(path))
+        try:
+            settings = MapSettings(**json.loads(str(arrays["settings"])))
+            query = _read_lattice(arrays, "query") if "query_x_m" in arrays else None
+            loaded = cls(
+                _read_lattice(arrays, "hinges"),
+                settings,
+                query=query,
+                query_mask=arrays.get("query_mask"),
+                hinge_mask=arrays["hinge_mask"],
+            )
+            loaded._belief.restore(arrays)
+        except KeyError as error:
+            raise ValueError(f"{path} is no whole map: its array {error} is missing") from error
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{path} is no whole map: {error}") from error
+        return loaded
 
     def query_points_m(self) -> NDArray[np.float64]:
         """Returns the points [m] that `predict_lattice` answers for, shape (N, 3)."""
@@ -112,17 +200,31 @@ class HilbertMap:
         x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.along_axes(points_m))
         return prior_offset(self.settings.prior_prevalence, self.settings.weight_variance * x * y * z)
 
-    def _prior_on_lattice(self) -> Moments:
-        if self.query is None:
-            return Moments(np.zeros(0), np.zeros(0))
-        x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(self.query))
+    def _offset_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(query))
         variance = self.settings.weight_variance * (x[:, None, None] * y[:, None] * z).ravel()
-        return Moments(np.zeros_like(variance), variance)
+        return prior_offset(self.settings.prior_prevalence, variance)
 
-    def _make_belief(self, prior: Moments) -> Belief:
-        if self.settings.form == "diagonal":
-            return DiagonalBelief(self._features, self.settings, self.query)
-        return FullBelief(self._features, self.settings, self.query, prior)
+
+def _read_lattice(arrays: Mapping[str, NDArray], name: str) -> Lattice:
+    return Lattice((arrays[f"{name}_x_m"], arrays[f"{name}_y_m"], arrays[f"{name}_z_m"]))
+
+
+def _make_belief(features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> Belief:
+    if settings.form == "diagonal":
+        return DiagonalBelief(features, settings)
+    if settings.form == "local":
+        return FullBelief.local(features, settings, query)
+    return FullBelief.dense(features, settings)
+
+
+def _check_hinges(hinges: Lattice) -> None:
+    for name, axis in zip("xyz", hinges.axes_m, strict=True):
+        # Coordinates of some decimetres carry rounding of 1e-16 m, a billionth of a spacing at most.
+        if axis.size > 2 and np.ptp(np.diff(axis)) > 1e-6 * (axis[1] - axis[0]):
+            raise ValueError(
+                f"hinges must be evenly spaced along each axis, but {name} has steps {np.diff(axis)}"
+            )
 
 
 def _check_query_mask(query: Lattice | None, mask: ArrayLike | None) -> NDArray[np.bool_] | None:

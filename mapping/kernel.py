@@ -63,6 +63,11 @@ class HingeFeatures:
         """Number of hinges that are kept."""
         return int(self.weight_of_hinge.max()) + 1
 
+    @property
+    def spacing_m(self) -> float:
+        """Largest distance between neighbouring hinges along an axis [m]; 1 m for a single hinge."""
+        return max((float(axis[1] - axis[0]) for axis in self.hinges.axes_m if axis.size > 1), default=1.0)
+
     def reach_m(self, cutoff: float) -> float:
         """Returns the distance [m] beyond which features are smaller than a cutoff (infinite for 0)."""
         return float(np.sqrt(-np.log(cutoff) / self.gamma_per_m2)) if cutoff > 0 else np.inf
@@ -75,6 +80,16 @@ class HingeFeatures:
     def weights_in(self, box: Box) -> NDArray[np.intp]:
         """Returns the index of the weight of each hinge of a box, -1 where there is none, in C order."""
         return self.weight_of_hinge[box_indices(box, self.hinges.shape)]
+
+    def over_hinges(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns values of the weights, shape (M,) or (M, R), laid out over the lattice with zeros in the
+        gaps.
+
+        The shape is (n_x, n_y, n_z, R), R = 1 for one value per weight.
+        """
+        tensor = np.zeros((self.hinges.n_points, *values.reshape(len(values), -1).shape[1:]))
+        tensor[self.weight_of_hinge >= 0] = values.reshape(len(values), -1)
+        return tensor.reshape(*self.hinges.shape, -1)
 
     def along_axes(self, points_m: NDArray[np.float64], box: Box | None = None) -> AxisFeatures:
         """Returns the factors of the features of N points for the hinges of a box (all without a box)."""

@@ -45,3 +45,29 @@ def prior_offset(prevalence: float, latent_variance: ArrayLike) -> NDArray[np.fl
     It solves sigma(kappa(v) b) = prevalence; a prevalence of 1/2 gives 0, the paper's prior.
     """
     return np.log(prevalence / (1 - prevalence)) / moderation(latent_variance)
+
+
+def label_log_odds(
+    is_occupied: NDArray[np.float64], false_positive_rate: float, false_negative_rate: float
+) -> NDArray[np.float64]:
+    """Returns log P(label | tumour) / P(label | free) for each label, infinite where a label cannot be wrong.
+
+    Args:
+        is_occupied: Labels as the sensor gave them, shape (n,).
+        false_positive_rate: Share of free points that the sensor calls occupied.
+        false_negative_rate: Share of tumour points that the sensor calls free.
+    """
+    with np.errstate(divide="ignore"):
+        if_occupied = np.log1p(-false_negative_rate) - np.log(false_positive_rate)
+        if_free = np.log(false_negative_rate) - np.log1p(-false_positive_rate)
+    return np.where(is_occupied > 0.5, if_occupied, if_free)
+
+
+def expected_label(latent_mean: ArrayLike, log_odds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the probability that a point is truly occupied given its label and the latent's mean.
+
+    With the true label z unknown, the bound is linear in z, so its expectation takes the place of the
+    label; the best
+    q(z) under the bound has the log odds E[f] + log P(label | z = 1) / P(label | z = 0).
+    """
+    return expit(np.asarray(latent_mean, dtype=np.float64) + log_odds)

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-Form = Literal["full", "diagonal"]
+Form = Literal["full", "local", "diagonal"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,11 +24,15 @@ class MapSettings:
     """Prior variance of each weight; with it the latent's standard deviation is about 1.85
     sqrt(weight_variance).
     """
+    false_positive_rate: float = 0.0
+    """Share of free points that the sensor calls occupied."""
+    false_negative_rate: float = 0.0
+    """Share of tumour points that the sensor calls free."""
     n_em_iterations: int = 3
     """Rounds of the variational bound within one reading."""
     form: Form = "full"
-    """`full` keeps the covariance of the weights; `diagonal` their variances alone, which double-counts
-    points.
+    """`full` keeps the whole covariance of the weights; `local` only near its diagonal, for more than 5,000
+    hinges; `diagonal` their variances alone, which counts points many times.
     """
     tolerance: float = 1e-6
     """Size of what the computation may leave out: smaller is slower and closer, 0 is exact to rounding."""
@@ -42,12 +46,13 @@ class MapSettings:
             raise ValueError(
                 f"prior_prevalence must lie between 0 and 1, both excluded, not {self.prior_prevalence}"
             )
+        _check_rates(self.false_positive_rate, self.false_negative_rate)
         if not (isinstance(self.n_em_iterations, int) and self.n_em_iterations >= 1):
             raise ValueError(
                 f"n_em_iterations must be a whole number of at least 1, not {self.n_em_iterations}"
             )
-        if self.form not in ("full", "diagonal"):
-            raise ValueError(f"form must be 'full' or 'diagonal', not {self.form!r}")
+        if self.form not in ("full", "local", "diagonal"):
+            raise ValueError(f"form must be 'full', 'local' or 'diagonal', not {self.form!r}")
         if not 0 <= self.tolerance <= 0.1:
             raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {self.tolerance}")
 
@@ -55,3 +60,15 @@ class MapSettings:
 def _check_positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0):
         raise ValueError(f"{name} must be positive, not {value}")
+
+
+def _check_rates(false_positive_rate: float, false_negative_rate: float) -> None:
+    if not (
+        false_positive_rate >= 0
+        and false_negative_rate >= 0
+        and false_positive_rate + false_negative_rate < 1
+    ):
+        raise ValueError(
+            "false_positive_rate and false_negative_rate must be at least 0 and add up to less than 1 "
+            f"(at 1 a label says nothing), not {false_positive_rate} and {false_negative_rate}"
+        )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from .likelihood import bound_curvature
+from .likelihood import bound_curvature, expected_label
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +24,24 @@ class ReadingPosterior:
     """Posterior mean of z, shape (r,)."""
     cholesky: NDArray[np.float64]
     """Q, lower triangular, shape (r, r)."""
+    scaled_basis: NDArray[np.float64]
+    """sqrt(2 lambda_n) B_n, so that D = I + scaled^T scaled, shape (n, r)."""
     curvature: NDArray[np.float64]
-    """lambda at each point in the last round, shape (n,)."""
+    """lambda at each point, shape (n,)."""
+
+    def move(self, prior_draws: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Returns what turns draws of z from N(0, I), shape (r, S), into draws about the posterior mean.
+
+        D^-1 (z + e) with e ~ N(0, D - I) has covariance D^-1 (I + D - I) D^-1 = D^-1.
+        """
+        noise = self.scaled_basis.T @ rng.standard_normal((len(self.scaled_basis), prior_draws.shape[1]))
+        return cho_solve((self.cholesky, True), prior_draws + noise, check_finite=False) - prior_draws
 
 
 def fit_reading(
     prior_mean: NDArray[np.float64],
     basis: NDArray[np.float64],
-    is_occupied: NDArray[np.float64],
+    log_odds: NDArray[np.float64],
     n_iterations: int,
 ) -> ReadingPosterior:
     """Returns the posterior of z given the labels of a reading.
@@ -39,16 +49,21 @@ def fit_reading(
     Args:
         prior_mean: Latent mean m at each point before the reading, shape (n,).
         basis: B, shape (n, r).
-        is_occupied: Labels y in {0, 1}, shape (n,).
+        log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
         n_iterations: Rounds of lambda, then posterior.
     """
     xi_squared = np.einsum("nr,nr->n", basis, basis) + prior_mean**2
-    posterior = _solve(xi_squared, prior_mean, basis, is_occupied)
+    # The first round lets a label speak for itself; a low prior alone would call every hit an error.
+    labels = expected_label(0.0, log_odds)
+    posterior = _solve(xi_squared, prior_mean, basis, labels)
+    identity = np.eye(basis.shape[1])
     for _ in range(n_iterations - 1):
-        spread = solve_triangular(posterior.cholesky, basis.T, lower=True, check_finite=False)
+        inverse = solve_triangular(posterior.cholesky, identity, lower=True, check_finite=False)
+        spread = basis @ inverse.T
+        mean = prior_mean + basis @ posterior.mean
         # xi^2 = phi Sigma' phi + (b + phi . mu')^2
-        xi_squared = np.einsum("rn,rn->n", spread, spread) + (prior_mean + basis @ posterior.mean) ** 2
-        posterior = _solve(xi_squared, prior_mean, basis, is_occupied)
+        xi_squared = np.einsum("nr,nr->n", spread, spread) + mean**2
+        posterior = _solve(xi_squared, prior_mean, basis, expected_label(mean, log_odds))
     return posterior
 
 
@@ -56,12 +71,13 @@ def _solve(
     xi_squared: NDArray[np.float64],
     prior_mean: NDArray[np.float64],
     basis: NDArray[np.float64],
-    is_occupied: NDArray[np.float64],
+    labels: NDArray[np.float64],
 ) -> ReadingPosterior:
     """Returns the posterior under the bound at given xi, from the prior N(0, I) of z."""
     curvature = bound_curvature(np.sqrt(xi_squared))
-    precision = basis.T @ (2 * curvature[:, None] * basis)
+    scaled = np.sqrt(2 * curvature)[:, None] * basis
+    precision = scaled.T @ scaled
     precision[np.diag_indices_from(precision)] += 1
     factor = cholesky(precision, lower=True, check_finite=False)
-    mean = cho_solve((factor, True), basis.T @ (is_occupied - 0.5 - 2 * curvature * prior_mean))
-    return ReadingPosterior(mean, factor, curvature)
+    mean = cho_solve((factor, True), basis.T @ (labels - 0.5 - 2 * curvature * prior_mean))
+    return ReadingPosterior(mean, factor, scaled, curvature)

@@ -127,7 +127,10 @@ class EpisodeOptions:
             changes["weight_variance"] = self.weight_variance
         if self.em_iterations is not None:
             changes["n_em_iterations"] = self.em_iterations
-        return MapSettings(**changes)
+        try:
+            return MapSettings(**changes)
+        except ValueError as error:
+            raise UsageError(f"{error}.") from error
 
     def out_folder(self, scenario: Scenario) -> Path:
         """The folder asked for, or the one that names scenario, planner and seed."""

@@ -59,6 +59,12 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
+        for name in ("n_tumours", "n_poses"):
+            value = getattr(self, name)
+            _require(type(value) is int, f"{name}={value!r}: a whole number.")
+        for name in ("tumour_radius_m", "cone_half_angle_rad", "cone_depth_m", "score_spacing_m"):
+            value = getattr(self, name)
+            _require(type(value) in (int, float), f"{name}={value!r}: a number.")
         _require(0 <= self.n_tumours <= 50, f"n_tumours={self.n_tumours}: from 0 to 50.")
         _require(
             self.tumour_shape in get_args(TumourShape),

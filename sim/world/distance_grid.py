@@ -1,13 +1,12 @@
-"""Signed distance to an organ on a lattice, read by trilinear interpolation: cheap enough for every IK step."""
+"""Signed distance to an organ on a lattice, read by interpolation: cheap enough for every IK step."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import KDTree
 
 from .solid import Solid, check_points
-from .surface_distance import EXACT_BAND_M, SurfaceDistance, strew_points
+from .surface_distance import EXACT_BAND_M, SurfaceDistance, strewn_tree
 
 FAR_SAMPLE_SPACING_M = 0.005
 """Spacing of the strewn points that nodes far from the surface are measured to [m]."""
@@ -139,8 +138,7 @@ def _far_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.f
     Looking up the nearest of many points is slow from afar, and neighbouring nodes share it. So only every
     second node along each axis is looked up; those between take the best of what their neighbours found.
     """
-    samples_m = strew_points(solid, FAR_SAMPLE_SPACING_M)[0]
-    tree = KDTree(samples_m, balanced_tree=False, compact_nodes=False)
+    tree = strewn_tree(solid, FAR_SAMPLE_SPACING_M)
     coarse = [np.minimum(np.arange(0, n + 1, 2), n - 1) for n in nodes_m.shape[:3]]
     nearest = np.asarray(tree.query(nodes_m[np.ix_(*coarse)])[1])
     below = np.ix_(*[np.arange(n) // 2 for n in nodes_m.shape[:3]])
@@ -148,5 +146,5 @@ def _far_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.f
     squared = np.full(nodes_m.shape[:3], np.inf)
     for corner in np.ndindex(2, 2, 2):
         sample = nearest[tuple((above if corner[axis] else below)[axis] for axis in range(3))]
-        np.minimum(squared, np.square(nodes_m - samples_m[sample]).sum(axis=-1), out=squared)
+        np.minimum(squared, np.square(nodes_m - tree.data[sample]).sum(axis=-1), out=squared)
     return np.sqrt(squared)

@@ -6,13 +6,18 @@ package to install.
 
 from __future__ import annotations
 
+import ctypes.util
 import importlib
 import os
+import sys
+from typing import Any
 
 from .errors import WorldError
 
 BACKENDS = ("egl", "osmesa", "glfw")
 """The order in which backends are tried when none is asked for: GPU or llvmpipe, software, a window system."""
+LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
+"""The system library that each windowless backend needs."""
 GL_VARIABLE = "SOUNDING_GL"
 """Environment variable that names the one backend to use; MUJOCO_GL counts too."""
 REMEDY = (
@@ -50,15 +55,41 @@ def install_backend() -> str:
     for backend in [asked] if asked else BACKENDS:
         try:
             context_class = _context_class(backend)
-            context = context_class(8, 8)
-            context.make_current()
-            context.free()
+            _try_context(context_class)
         except Exception as error:
-            failures.append(f"{backend}: {type(error).__name__}: {str(error).strip()[:120]}")
+            failures.append(f"{backend}: {_reason(backend, error)}")
+            _forget_opengl(backend)
             continue
         gl_context.GLContext = context_class
         return backend
     raise RenderingError(f"No OpenGL backend works ({'; '.join(failures)}). {REMEDY}")
+
+
+def _try_context(context_class: Any) -> None:
+    """Make a context and load a model into it; glfw without a display fails only at the second."""
+    import mujoco
+
+    context = context_class(8, 8)
+    try:
+        context.make_current()
+        scale = mujoco.mjtFontScale.mjFONTSCALE_50.value
+        mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), scale).free()
+    finally:
+        context.free()
+
+
+def _reason(backend: str, error: Exception) -> str:
+    library = LIBRARIES.get(backend)
+    if library is not None and ctypes.util.find_library(library) is None:
+        return f"lib{library} is not installed"
+    return f"{type(error).__name__}: {str(error).strip()[:120]}"
+
+
+def _forget_opengl(backend: str) -> None:
+    """Unload the bindings that a failed backend has tied to itself, so that the next one can bind its own."""
+    for name in list(sys.modules):
+        if name == "OpenGL" or name.startswith(("OpenGL.", f"mujoco.{backend}")):
+            del sys.modules[name]
 
 
 def _context_class(backend: str) -> type:

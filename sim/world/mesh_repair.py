@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from .crossings import VerticalCrossings
 from .hole_filling import fill_holes
@@ -18,7 +19,7 @@ Faces = NDArray[np.int64]
 Vertices = NDArray[np.float64]
 
 MERGE_SHARES = (1e-9, 1e-6, 1e-5)
-"""Vertices closer than this share of the bounding box's diagonal are one; the next is tried while holes remain."""
+"""Vertices closer than this share of the box's diagonal are one; the next is tried while holes remain."""
 
 
 class RepairError(ValueError):
@@ -94,16 +95,18 @@ def _merge_until_closed(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, F
 
 
 def _merge(vertices_m: Vertices, faces: Faces, tolerance_m: float) -> tuple[Vertices, Faces]:
+    """The same triangles over vertices of which no two are closer than the tolerance."""
     used, compact = np.unique(faces, return_inverse=True)
-    cells = np.rint((vertices_m[used] - vertices_m[used].min(axis=0)) / tolerance_m).astype(np.int64)
-    order = np.lexsort(cells.T)
-    is_new = np.ones(len(cells), dtype=bool)
-    is_new[1:] = (np.diff(cells[order], axis=0) != 0).any(axis=1)
-    label = np.empty(len(cells), dtype=np.int64)
-    label[order] = np.cumsum(is_new) - 1
-    merged = label[compact.reshape(faces.shape)]
+    distinct_m, label = np.unique(vertices_m[used], axis=0, return_inverse=True)
+    pairs = KDTree(distinct_m).query_pairs(tolerance_m, output_type="ndarray")
+    if len(pairs):
+        graph = coo_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(len(distinct_m),) * 2)
+        _, group = connected_components(graph, directed=False)
+        _, first = np.unique(group, return_index=True)
+        distinct_m, label = distinct_m[first], group[label]
+    merged = label[compact.reshape(faces.shape)].astype(np.int64)
     has_area = (merged != np.roll(merged, 1, axis=1)).all(axis=1)
-    return vertices_m[used][order[is_new]], merged[has_area]
+    return distinct_m, merged[has_area]
 
 
 def _drop_doubled(faces: Faces) -> tuple[Faces, int]:

@@ -1,6 +1,7 @@
 """Reading organ and tumour meshes from files: what leaves here is a closed, outward surface in metres."""
 
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -41,15 +42,10 @@ TEST_LATTICE = 32
 """Points per axis of the lattice on which the winding number is examined."""
 
 READER_ERRORS = (
-    ValueError,
-    TypeError,
-    LookupError,
-    ArithmeticError,
-    AttributeError,
-    AssertionError,
-    RuntimeError,
+    *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
+    *(ImportError, OSError, EOFError, MemoryError),
 )
-"""What a reader fed with arbitrary bytes may raise, beside OSError, EOFError and MemoryError."""
+"""What a reader fed with arbitrary bytes may raise; ImportError where it wants help to guess an encoding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +105,15 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     if path.suffix.lower() not in FORMATS:
         raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
     try:
-        mesh = trimesh.load_mesh(path, process=False)
+        content = path.read_bytes()
+        if path.suffix.lower() == ".obj":  # text, whose comments may be in any encoding
+            content = content.decode("utf-8", errors="replace").encode()
+        mesh = trimesh.load_mesh(BytesIO(content), file_type=path.suffix[1:].lower(), process=False)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    except (*READER_ERRORS, OSError, EOFError, MemoryError) as error:
+    except READER_ERRORS as error:
         raise MeshError(
-            f"{path}: cannot be read as {path.suffix[1:].upper()} ({type(error).__name__}: {_first_line(error)}); "
-            "export the mesh again"
+            f"{path}: cannot be read as {path.suffix[1:].upper()} "
+            f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
         ) from error
     if faces.size == 0 or faces.ndim != 2:
         raise MeshError(f"{path}: holds no triangles; export the surface, not its points alone")
@@ -153,8 +152,8 @@ def _check_volume(path: Path, mesh: trimesh.Trimesh) -> None:
     diagonal_m = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     if not mesh.volume > FLAT_SHARE * diagonal_m**3:
         raise MeshError(
-            f"{path}: encloses no volume ({mesh.volume * 1e6:.3g} ml in a box of diagonal {diagonal_m * 1e3:.3g} mm); "
-            "it must bound a solid, not a sheet"
+            f"{path}: encloses no volume ({mesh.volume * 1e6:.3g} ml in a box of diagonal "
+            f"{diagonal_m * 1e3:.3g} mm); it must bound a solid, not a sheet"
         )
 
 

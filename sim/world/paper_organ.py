@@ -103,7 +103,7 @@ def solid_below(nodes_m: NDArray[np.float64], bottom_m: float) -> Solid:
 
 
 def _wall(side: NDArray[np.int64], first: np.int64, last: np.int64) -> NDArray[np.int64]:
-    """Triangles of a wall below a side's nodes: two fans about the corners of the bottom, and one between them."""
+    """Triangles of a wall below a side's nodes: two fans about the bottom's corners, and one between."""
     half = len(side) // 2
     foot = np.where(np.arange(len(side) - 1) < half, first, last)
     fans = np.stack([side[:-1], foot, side[1:]], axis=1)

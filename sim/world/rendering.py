@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .gl import RenderingError, install_backend
+from .gl import REMEDY, RenderingError, install_backend
 from .scene import Group, Scene
 
 SENSED_RGBA = (0.06, 0.18, 0.42, 1.0)
@@ -66,7 +66,7 @@ class SceneRenderer:
                 scene.model, height=self.settings.height_px, width=self.settings.width_px, max_geom=4000
             )
         except Exception as error:
-            raise RenderingError(f"MuJoCo's renderer failed on {self.backend}: {error}") from error
+            raise RenderingError(f"MuJoCo's renderer failed on {self.backend}: {error}. {REMEDY}") from error
         self._camera = _camera(scene, self.settings)
         self._option = _options()
 

@@ -161,7 +161,7 @@ class Solid:
         return np.concatenate([*kept, np.empty((0, 3))])[:n]
 
     def transformed(self, T_target_solid: ArrayLike) -> "Solid":
-        """The solid moved by a rigid motion, 4 x 4, that maps this solid's coordinates to the target frame."""
+        """The solid moved by a rigid motion, 4 x 4, that maps its coordinates to the target frame."""
         T = np.asarray(T_target_solid, dtype=np.float64)
         return Solid(self.vertices_m @ T[:3, :3].T + T[:3, 3], self.faces)
 

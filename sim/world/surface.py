@@ -13,7 +13,7 @@ N_NEIGHBOURS = 10
 """Neighbours to which the tangent plane is fitted, as in the paper."""
 
 MAX_TILT_RAD = np.deg2rad(60.0)
-"""A face counts as upper if its outward normal is this close to +z: an arm above cannot press steeper ones."""
+"""A face counts as upper if its outward normal is this close to +z: an arm above can hardly press others."""
 
 LIFT_M = 1e-6
 """How far above the face the view towards +z starts [m], so that the face does not hide itself."""
@@ -105,7 +105,7 @@ def upper_surface_workspace(
     positions_m = candidates_m[kept]
     if len(positions_m) < N_NEIGHBOURS + 1:
         raise MeshError(
-            f"only {len(positions_m)} positions fit on {area_m2 * 1e6:.3g} mm^2 of upper surface; ask for more"
+            f"only {len(positions_m)} positions fit on {area_m2 * 1e6:.3g} mm^2 of surface; ask for more"
         )
     inward = -solid.face_normals()[faces[kept]]
     return SensingSurface(positions_m, fit_normals(positions_m, inward))

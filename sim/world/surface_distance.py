@@ -1,10 +1,12 @@
 """Distance from points to a triangle surface, signed by which side they are on.
 
-A KD-tree over points strewn on the surface, vertices included, names the triangles near a query; the distance
-to these is exact (closest point of a triangle: Ericson, Real-Time Collision Detection, 2005, section 5.1.5).
-Far from the surface the distance to the nearest strewn point is already within r^2 / (2 d) of the truth, r
-being how far a surface point can be from the nearest strewn one.
+Near the surface, a KD-tree over small pieces of the triangles names those that a query may be closest to; the
+distance to these is exact (closest point of a triangle: Ericson, Real-Time Collision Detection, 2005, section
+5.1.5). Far from it, the distance to the nearest of many points strewn on the surface, vertices included, is
+within r^2 / (2 d) of the truth, r being how far a surface point can be from the nearest strewn one.
 """
+
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,8 +20,8 @@ SAMPLE_SPACING_M = 0.002
 EXACT_BAND_M = 0.010
 """Closer than this [m] the distance is taken to the triangles; beyond it r^2 / (2 d) is below 0.07 mm."""
 
-N_NEAR_SAMPLES = 6
-"""Strewn points looked up per query in the band: their triangles include the closest or a neighbour of it."""
+N_NEAR_PIECES = 6
+"""Pieces looked up per query in the band: their triangles include the closest or one hardly farther."""
 
 
 class SurfaceDistance:
@@ -30,18 +32,20 @@ class SurfaceDistance:
     """
 
     def __init__(self, solid: Solid) -> None:
-        """Strews the points and builds their tree."""
+        """Divides the triangles into pieces and builds a tree over these."""
         self._solid = solid
-        samples_m, self._sample_face = strew_points(solid, SAMPLE_SPACING_M)
-        # Neither balanced nor compact: queries far from the surface, where most of a lattice lies, run 2-4x
-        # faster.
-        self._tree = KDTree(samples_m, balanced_tree=False, compact_nodes=False)
         self._corners_m = solid.vertices_m[solid.faces]
+        pieces, self._piece_face = divide_triangles(solid, SAMPLE_SPACING_M)
+        self._pieces = KDTree(pieces.mean(axis=1))
+
+    @cached_property
+    def _points(self) -> KDTree:
+        return strewn_tree(self._solid, SAMPLE_SPACING_M)
 
     def distance_to_triangles_m(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance [m] to the triangles of the nearest strewn points, shape (N,): exact close to the surface."""
-        n_near = min(N_NEAR_SAMPLES, self._tree.n)
-        faces = self._sample_face[self._tree.query(points_m, k=n_near)[1].reshape(-1, n_near)]
+        """Distance [m] to the triangles of the nearest pieces, shape (N,): exact near the surface."""
+        n_near = min(N_NEAR_PIECES, self._pieces.n)
+        faces = self._piece_face[self._pieces.query(points_m, k=n_near)[1].reshape(-1, n_near)]
         repeated = np.repeat(points_m, n_near, axis=0)
         closest = closest_points_on_triangles(repeated, self._corners_m[faces.ravel()])
         return np.linalg.norm(repeated - closest, axis=1).reshape(faces.shape).min(axis=1)
@@ -56,7 +60,7 @@ class SurfaceDistance:
             Shape (N,).
         """
         points = check_points(points_m)
-        distance = np.asarray(self._tree.query(points)[0], dtype=np.float64)
+        distance = np.asarray(self._points.query(points)[0], dtype=np.float64)
         near = np.flatnonzero(distance < EXACT_BAND_M)
         distance[near] = self.distance_to_triangles_m(points[near])
         return distance
@@ -75,35 +79,59 @@ class SurfaceDistance:
         return np.where(self._solid.contains(points), -distance, distance)
 
 
-def strew_points(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points on every triangle, its corners included, such that no surface point is far from one.
-
-    Triangles are halved across their longest edge until all edges are short, so slivers cost no more than
-    their area.
+def strew_points(solid: Solid, spacing_m: float) -> NDArray[np.float64]:
+    """Points on the surface, all vertices among them, such that no surface point is far from one.
 
     Args:
         solid: The solid whose surface is meant.
         spacing_m: Longest edge of the pieces whose corners are the points [m].
 
     Returns:
-        Points [m], shape (P, 3), and a triangle that each lies on, shape (P,).
+        Points [m], shape (P, 3): no surface point is farther than spacing_m / sqrt(3) from one.
     """
-    vertices, first_use = np.unique(solid.faces, return_index=True)
-    points, owners = [solid.vertices_m[vertices]], [first_use // 3]
+    corners = divide_triangles(solid, spacing_m)[0].reshape(-1, 3)
+    _, first = np.unique(
+        corners @ np.sqrt([2.0, 3.0, 5.0]), return_index=True
+    )  # equal points, equal products
+    return corners[first]
+
+
+def strewn_tree(solid: Solid, spacing_m: float) -> KDTree:
+    """A tree of the points strewn on a surface, made for queries from afar.
+
+    It is neither balanced nor compact: there, where most nodes of a lattice lie, it then answers 2-4x faster.
+    """
+    return KDTree(strew_points(solid, spacing_m), balanced_tree=False, compact_nodes=False)
+
+
+def divide_triangles(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The surface in pieces with short edges.
+
+    Triangles are halved across their longest edge until all edges are short, so slivers make no more pieces
+    than their length needs.
+
+    Args:
+        solid: The solid whose surface is meant.
+        spacing_m: Longest edge allowed [m].
+
+    Returns:
+        Corners of the pieces [m], shape (P, 3 corners, 3), and the triangle each is part of, shape (P,).
+    """
+    pieces, owners = [], []
     corners, owner = solid.vertices_m[solid.faces], np.arange(len(solid.faces))
     while len(corners):
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
         is_long = lengths.max(axis=1) > spacing_m
+        pieces.append(corners[~is_long])
+        owners.append(owner[~is_long])
         corners, owner, longest = corners[is_long], owner[is_long], lengths[is_long].argmax(axis=1)
         a, b, c = (
             np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3)
         )
         middle = 0.5 * (a + b)
-        points.append(middle)
-        owners.append(owner)
         corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
         owner = np.concatenate([owner, owner])
-    return np.concatenate(points), np.concatenate(owners)
+    return np.concatenate(pieces), np.concatenate(owners)
 
 
 def closest_points_on_triangles(

@@ -5,14 +5,15 @@ how to tell, within what the probe can ever sense.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from .errors import PlantingError
 from .solid import Solid
 from .surface_distance import SurfaceDistance
+from .tumour_shapes import ball_shape, lobulated_shape
 
 Attainable = Callable[[NDArray[np.float64]], float]
 """Given points [m], shape (N, 3), the fraction of them that some pose of the probe can sense."""
@@ -25,9 +26,6 @@ LEAST_ATTAINABLE = 0.95
 
 N_ATTAINABLE_POINTS = 500
 """Points drawn in a tumour to judge how much of it is attainable."""
-
-SPHERE_SUBDIVISIONS = 3
-"""Subdivisions of the icosahedron: 1,280 triangles, whose edges on a 40 mm tumour are 3 mm long."""
 
 SPHERE_DEPTH_RANGE_M = (0.036, 0.084)
 """Depth of a sphere's centre below the surface above it [m]: the paper scenario's 1.2 to 2.8 units."""
@@ -53,10 +51,10 @@ LEAST_DEPTH_M = 0.0025
 LEAST_GAP_M = 0.002
 """Least distance between planted tumours [m]."""
 
-N_PLACES = 300
+N_PLACES = 200
 """Places tried for one tumour before the next size or an error."""
 
-N_SIZES = 20
+N_SIZES = 10
 """Sizes drawn for one lobulated tumour before an error."""
 
 
@@ -98,25 +96,21 @@ def plant_spheres(
             f"radius_m={radius_m} must be above 0, depth_range_m={depth_range_m} ascending from 0 on, "
             f"half_width_m={half_width_m} at least 0"
         )
-    unit_m, faces = _sphere()
+    unit_m, faces = ball_shape()
     shape_m = unit_m * radius_m
 
     def is_deep(points_m: NDArray[np.float64]) -> bool:
         return bool(organ.contains(points_m).all())
 
-    planted: list[Solid] = []
+    planting = _Planting(is_deep, is_attainable, rng)
     for index in range(n):
-        for centre_m in _centres_below_surface(organ, depth_range_m, half_width_m, rng):
-            tumour = Solid(shape_m + centre_m, faces)
-            if _is_good(tumour, planted, is_deep, is_attainable, rng):
-                planted.append(tumour)
-                break
-        else:
+        centres_m = _centres_below_surface(organ, depth_range_m, half_width_m, rng)
+        if not any(planting.try_place(centre_m, shape_m, faces) for centre_m in centres_m):
             raise PlantingError(
                 f"no place was found for sphere {index + 1} of {n} with radius {radius_m * 1e3:.3g} mm in "
                 f"{N_PLACES} tries; ask for fewer or smaller spheres, or shallower ones"
             )
-    return tuple(planted)
+    return tuple(planting.planted)
 
 
 def plant_lobulated(
@@ -156,77 +150,60 @@ def plant_lobulated(
             "be at least 0"
         )
     surface = SurfaceDistance(organ)
-    planted: list[Solid] = []
-    for diameter_m in sorted(_draw_diameters(n, diameter_range_m, rng), reverse=True):
-        for _ in range(N_SIZES):
-            tumour = _place_lobulated(organ, surface, planted, diameter_m, least_depth_m, is_attainable, rng)
-            if tumour is not None:
-                planted.append(tumour)
-                break
-            diameter_m = _draw_diameters(1, diameter_range_m, rng)[0]
-        else:
-            raise PlantingError(
-                f"no place was found for tumour {len(planted) + 1} of {n} with diameters of "
-                f"{diameter_range_m[0] * 1e3:.3g}-{diameter_range_m[1] * 1e3:.3g} mm; "
-                "ask for fewer or smaller tumours"
-            )
-    return tuple(planted)
-
-
-def lobulated_shape(
-    diameter_m: float, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices [m] about the origin, and faces, of a random lobulated blob.
-
-    A sphere, stretched a little along random axes, with lobes: smooth bumps of random direction, width and
-    height that are added to its radius. Being star-shaped about the origin, it never crosses itself.
-
-    Args:
-        diameter_m: Diameter of the sphere of equal volume [m].
-        rng: Source of the draws.
-
-    Returns:
-        Vertices, shape (V, 3), and faces, shape (F, 3).
-    """
-    directions, faces = _sphere()
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    n_lobes = int(rng.integers(5, 10))
-    lobes = _unit_vectors(n_lobes, rng)
-    sharpness = rng.uniform(4.0, 14.0, n_lobes)  # a lobe is about 1 / sqrt(sharpness) rad wide
-    height = rng.uniform(0.10, 0.30, n_lobes)
-    radius = 0.8 + (height * np.exp(sharpness * (directions @ lobes.T - 1.0))).sum(axis=1)
-    for _ in range(6):  # fine unevenness
-        wave = directions @ (_unit_vectors(1, rng)[0] * rng.uniform(5.0, 9.0)) + rng.uniform(0.0, 2.0 * np.pi)
-        radius += 0.015 * np.cos(wave)
-    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    stretch = axes @ np.diag(np.exp(rng.normal(0.0, 0.12, 3))) @ axes.T
-    vertices = (directions * radius[:, None]) @ stretch
-    volume = Solid(vertices, faces).volume_m3
-    return vertices * np.cbrt(np.pi / 6.0 * diameter_m**3 / volume), faces
-
-
-def _place_lobulated(
-    organ: Solid,
-    surface: SurfaceDistance,
-    planted: list[Solid],
-    diameter_m: float,
-    least_depth_m: float,
-    is_attainable: Attainable | None,
-    rng: np.random.Generator,
-) -> Solid | None:
-    """A tumour of the diameter at an accepted place, or None after many tries."""
-    shape_m, faces = lobulated_shape(diameter_m, rng)
 
     def is_deep(points_m: NDArray[np.float64]) -> bool:
         return bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
 
-    least_radius_m = float(np.linalg.norm(shape_m, axis=1).min())
-    centres_m = organ.sample_inside(N_PLACES, rng)
-    for centre_m in centres_m[surface.distance_m(centres_m) > least_depth_m + least_radius_m]:
+    planting = _Planting(is_deep, is_attainable, rng)
+    for diameter_m in sorted(_draw_diameters(n, diameter_range_m, rng), reverse=True):
+        for _ in range(N_SIZES):
+            if _place_lobulated(organ, surface, planting, diameter_m, least_depth_m):
+                break
+            diameter_m = _draw_diameters(1, diameter_range_m, rng)[0]
+        else:
+            raise PlantingError(
+                f"no place was found for tumour {len(planting.planted) + 1} of {n} with diameters of "
+                f"{diameter_range_m[0] * 1e3:.3g}-{diameter_range_m[1] * 1e3:.3g} mm; "
+                "ask for fewer or smaller tumours"
+            )
+    return tuple(planting.planted)
+
+
+@dataclass
+class _Planting:
+    """The tumours planted so far, and what the next one must fulfil."""
+
+    is_deep: IsDeep
+    is_attainable: Attainable | None
+    rng: np.random.Generator
+    planted: list[Solid] = field(default_factory=list)
+
+    def try_place(
+        self, centre_m: NDArray[np.float64], shape_m: NDArray[np.float64], faces: NDArray[np.int64]
+    ) -> bool:
+        """True if the shape was planted at the place: apart from the others, deep enough, and attainable."""
+        if self.is_attainable is not None and self.is_attainable(centre_m[None]) < LEAST_ATTAINABLE:
+            return False  # a cheap first look
         tumour = Solid(shape_m + centre_m, faces)
-        if _is_good(tumour, planted, is_deep, is_attainable, rng):
-            return tumour
-    return None
+        if any(_may_touch(tumour, other) for other in self.planted) or not self.is_deep(tumour.vertices_m):
+            return False
+        if self.is_attainable is not None:
+            points_m = tumour.sample_inside(N_ATTAINABLE_POINTS, self.rng)
+            if self.is_attainable(points_m) < LEAST_ATTAINABLE:
+                return False
+        self.planted.append(tumour)
+        return True
+
+
+def _place_lobulated(
+    organ: Solid, surface: SurfaceDistance, planting: _Planting, diameter_m: float, least_depth_m: float
+) -> bool:
+    """True if a tumour of the diameter was planted at one of many places tried."""
+    shape_m, faces = lobulated_shape(diameter_m, planting.rng)
+    least_radius_m = float(np.linalg.norm(shape_m, axis=1).min())
+    centres_m = organ.sample_inside(N_PLACES, planting.rng)
+    deep_m = centres_m[surface.distance_m(centres_m) > least_depth_m + least_radius_m]
+    return any(planting.try_place(centre_m, shape_m, faces) for centre_m in deep_m)
 
 
 def _centres_below_surface(
@@ -240,23 +217,6 @@ def _centres_below_surface(
         top_m = organ.top_height_m(place_m[None])[0]
         if np.isfinite(top_m):
             yield np.array([*place_m, top_m - depth_m])
-
-
-def _is_good(
-    tumour: Solid,
-    planted: list[Solid],
-    is_deep: IsDeep,
-    is_attainable: Attainable | None,
-    rng: np.random.Generator,
-) -> bool:
-    """True if the tumour is deep enough in the organ, apart from the others, and attainable."""
-    if any(_may_touch(tumour, other) for other in planted):
-        return False
-    if not is_deep(tumour.vertices_m):
-        return False
-    if is_attainable is None:
-        return True
-    return is_attainable(tumour.sample_inside(N_ATTAINABLE_POINTS, rng)) >= LEAST_ATTAINABLE
 
 
 def _may_touch(one: Solid, other: Solid) -> bool:
@@ -276,18 +236,6 @@ def _draw_diameters(n: int, range_m: tuple[float, float], rng: np.random.Generat
         is_open = ~((diameters >= range_m[0]) & (diameters <= range_m[1]))
         diameters[is_open] = rng.lognormal(np.log(MEDIAN_DIAMETER_M), DIAMETER_LOG_SPREAD, int(is_open.sum()))
     return np.clip(diameters, *range_m).tolist()
-
-
-def _sphere() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """An icosphere about the origin with the volume of the unit ball."""
-    sphere = trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS)
-    vertices = np.asarray(sphere.vertices) * np.cbrt(4.0 / 3.0 * np.pi / sphere.volume)
-    return vertices, np.asarray(sphere.faces, dtype=np.int64)
-
-
-def _unit_vectors(n: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    vectors = rng.normal(size=(n, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _check_count(n: int) -> None:

@@ -144,11 +144,12 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 def _quiet_reader() -> Iterator[None]:
     """Keeps the reader from printing tracebacks of what it tried; the error raised says it better."""
     logger = logging.getLogger("trimesh")
-    was_disabled, logger.disabled = logger.disabled, True
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
     finally:
-        logger.disabled = was_disabled
+        logger.setLevel(level)
 
 
 def _first_line(error: BaseException) -> str:

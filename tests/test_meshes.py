@@ -113,6 +113,24 @@ def test_a_wholly_doubled_mesh_loads_once(tmp_path):
     assert loaded.mesh.volume == pytest.approx(mesh.volume * 1e-9, rel=1e-5)
 
 
+def test_debris_beside_the_surface_is_dropped_and_counted(tmp_path):
+    scrap = trimesh.Trimesh(
+        [[80, 0, 0], [82, 0, 0], [80, 40, 0], [82, 40, 1]], [[0, 1, 2], [1, 3, 2]], process=False
+    )
+    loaded = load(tmp_path, trimesh.util.concatenate([ball_mm(), scrap]))
+    # The rim of the scrap, 84 mm, is longer than a hole that would be filled.
+    assert loaded.notices == ("organ.stl: 2 stray triangles beside the surface were dropped",)
+    assert loaded.mesh.extents == pytest.approx([0.1] * 3, rel=1e-3)
+
+
+def test_two_boxes_that_share_an_edge_load(tmp_path):
+    one, other = trimesh.creation.box((60, 60, 60)), trimesh.creation.box((60, 60, 60))
+    other.apply_translation([60, 60, 0])
+    loaded = load(tmp_path, trimesh.util.concatenate([one, other]))
+    assert loaded.solid.volume_m3 == pytest.approx(2 * 0.06**3, rel=1e-6)
+    assert loaded.notices == ()
+
+
 def test_a_cavity_stays_a_cavity(tmp_path):
     cavity = ball_mm(20.0)
     cavity.invert()
@@ -213,6 +231,7 @@ def test_vertices_that_are_not_finite_are_counted(tmp_path):
         ("points.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
         ("index.obj", b"v 0 0 0\nv 90 0 0\nv 0 90 0\nv 0 0 90\nf 1 2 9\nf 1 2 3\nf 1 2 4\nf 2 3 4\n"),
         ("solid.stl", b"solid x\nendsolid x\n"),
+        ("plane.obj", b"v 0 0\nv 90 0\nv 0 90\nv 90 90\nf 1 2 3\nf 2 3 4\n"),
     ],
 )
 def test_files_that_hold_no_mesh_give_an_error_that_names_them(tmp_path, name, content):
@@ -220,6 +239,14 @@ def test_files_that_hold_no_mesh_give_an_error_that_names_them(tmp_path, name, c
     path.write_bytes(content)
     with pytest.raises(MeshError, match=name.replace(".", r"\.")):
         load_mesh(path)
+
+
+def test_the_readers_own_tracebacks_do_not_reach_the_user(tmp_path, caplog):
+    path = tmp_path / "organ.stl"
+    text = trimesh.exchange.stl.export_stl_ascii(ball_mm())
+    path.write_text(text.replace("normal ", "normal x", 1))
+    assert_is_closed_and_outward(load_mesh(path).mesh)
+    assert caplog.records == []
 
 
 def test_truncated_and_flipped_files_never_give_another_error(tmp_path):

@@ -39,7 +39,7 @@ def test_strewn_points_lie_on_the_surface_and_leave_no_gap(wedge):
     assert trimesh.proximity.closest_point(wedge.to_trimesh(), points[::20])[1].max() < 1e-12
     on_surface, _ = trimesh.sample.sample_surface(wedge.to_trimesh(), 3000, seed=0)
     gaps = KDTree(points).query(on_surface)[0]
-    # Edges of at most 2 mm: a circumradius of at most 1.16 mm, or an obtuse triangle, within 1 mm of a corner.
+    # Edges of at most 2 mm: a circumradius of at most 1.16 mm, or an obtuse triangle, within 1 mm of one.
     assert gaps.max() <= 0.002 / np.sqrt(3.0) + 1e-9
 
 

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from .anatomy import Anatomy, build_anatomy
 from .meshes import Unit, load_mesh
 from .placement import PlacedOrgan, lay_on_table, put_at_pose
-from .solid import Solid
 
 
 def load_anatomy(
@@ -39,7 +38,7 @@ def load_anatomy(
     """
     loaded = [load_mesh(organ_path, unit, role="organ")]
     loaded += [load_mesh(path, unit, role="tumour") for path in tumour_paths]
-    organ, *tumours = [Solid.from_trimesh(each.mesh) for each in loaded]
+    organ, *tumours = [each.solid for each in loaded]
     if T_world_organ is None:
         placed = lay_on_table(organ, tuple(tumours))
     else:

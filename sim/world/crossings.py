@@ -67,7 +67,7 @@ class VerticalCrossings:
         i = first[triangle, 0] + within // width[triangle, 1]
         j = first[triangle, 1] + within % width[triangle, 1]
         key = i * self._shape[1] + j
-        order = np.argsort(key, kind="stable")
+        order = np.argsort(key)
         self._triangles = triangle[order]
         self._start = np.searchsorted(key[order], np.arange(self._shape.prod() + 1))
 

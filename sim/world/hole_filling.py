@@ -20,7 +20,7 @@ def fill_holes(
     Returns:
         Vertices, faces, and the number of holes filled. Holes that are too long or tangled stay.
     """
-    longest_m = LARGEST_HOLE_SHARE * float(np.linalg.norm(np.ptp(vertices_m[np.unique(faces)], axis=0)))
+    longest_m = LARGEST_HOLE_SHARE * float(np.linalg.norm(np.ptp(vertices_m, axis=0)))
     new_vertices, new_faces, n_filled = [vertices_m], [faces], 0
     n_vertices = len(vertices_m)
     for rim in _rims(border):

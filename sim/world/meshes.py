@@ -1,5 +1,8 @@
 """Reading organ and tumour meshes from files: what leaves here is a closed, outward surface in metres."""
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -9,9 +12,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from .crossings import VerticalCrossings
 from .errors import MeshError
-from .mesh_repair import RepairError, repair
+from .mesh_repair import RepairError, compact, repair
+from .solid import Solid
 
 Unit = Literal["mm", "m"]
 Role = Literal["organ", "tumour"]
@@ -43,7 +46,7 @@ TEST_LATTICE = 32
 
 READER_ERRORS = (
     *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
-    *(ImportError, OSError, EOFError, MemoryError),
+    *(NameError, ImportError, OSError, EOFError, MemoryError),
 )
 """What a reader fed with arbitrary bytes may raise; ImportError where it wants help to guess an encoding."""
 
@@ -53,14 +56,19 @@ class LoadedMesh:
     """A closed, outward mesh and what had to be said about it.
 
     Attributes:
-        mesh: The mesh [m], in the frame of its file.
+        solid: The solid it bounds [m], in the frame of its file.
         notices: One sentence for each repair and for each remarkable property.
         name: The file's name.
     """
 
-    mesh: trimesh.Trimesh
+    solid: Solid
     notices: tuple[str, ...]
     name: str
+
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """The surface as a trimesh object [m], made anew at each call."""
+        return self.solid.to_trimesh()
 
 
 def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> LoadedMesh:
@@ -87,15 +95,16 @@ def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> L
     path = Path(path)
     vertices, faces = _read(path)
     vertices_m = vertices * METRES_PER_UNIT[unit]
-    _check_extent(path, vertices_m[np.unique(faces)], unit, role)
+    _check_extent(path, vertices_m, unit, role)
     try:
         vertices_m, faces, notices = repair(vertices_m, faces)
     except RepairError as error:
         raise MeshError(f"{path}: {error}") from error
-    mesh = trimesh.Trimesh(vertices_m, faces, process=False)
-    _check_volume(path, mesh)
-    notices = [*notices, *_check_winding(path, mesh), *_remark_on_size(mesh, role)]
-    return LoadedMesh(mesh, tuple(f"{path.name}: {notice}" for notice in notices), path.name)
+    solid = Solid(vertices_m, faces)
+    volume_m3 = solid.volume_m3
+    _check_volume(path, solid, volume_m3)
+    notices = [*notices, *_check_winding(path, solid), *_remark_on_size(volume_m3, role)]
+    return LoadedMesh(solid, tuple(f"{path.name}: {notice}" for notice in notices), path.name)
 
 
 def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -108,22 +117,39 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         content = path.read_bytes()
         if path.suffix.lower() == ".obj":  # text, whose comments may be in any encoding
             content = content.decode("utf-8", errors="replace").encode()
-        mesh = trimesh.load_mesh(BytesIO(content), file_type=path.suffix[1:].lower(), process=False)
+        with _quiet_reader():
+            mesh = trimesh.load_mesh(BytesIO(content), file_type=path.suffix[1:].lower(), process=False)
         vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
     except READER_ERRORS as error:
         raise MeshError(
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
         ) from error
-    if faces.size == 0 or faces.ndim != 2:
+    if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
+        raise MeshError(f"{path}: holds no triangles in space; export a surface of triangles")
+    if len(faces) == 0:
         raise MeshError(f"{path}: holds no triangles; export the surface, not its points alone")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError(f"{path}: triangles name vertices that the file does not hold; export the mesh again")
-    used = np.unique(faces)
-    n_bad = int((~np.isfinite(vertices[used]).all(axis=1)).sum())
+    vertices, faces = compact(vertices, faces)
+    n_bad = int((~np.isfinite(vertices).all(axis=1)).sum())
     if n_bad:
-        raise MeshError(f"{path}: {n_bad} of {len(used)} vertices are NaN or infinite; export the mesh again")
+        raise MeshError(
+            f"{path}: {n_bad} of {len(vertices)} vertices are NaN or infinite; export the mesh again"
+        )
     return vertices, faces
+
+
+@contextmanager
+def _quiet_reader() -> Iterator[None]:
+    """Keeps the reader from printing tracebacks of what it tried; the error raised says it better."""
+    logger = logging.getLogger("trimesh")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _first_line(error: BaseException) -> str:
@@ -148,28 +174,27 @@ def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role:
         )
 
 
-def _check_volume(path: Path, mesh: trimesh.Trimesh) -> None:
-    diagonal_m = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    if not mesh.volume > FLAT_SHARE * diagonal_m**3:
+def _check_volume(path: Path, solid: Solid, volume_m3: float) -> None:
+    diagonal_m = float(np.linalg.norm(solid.extents_m))
+    if not volume_m3 > FLAT_SHARE * diagonal_m**3:
         raise MeshError(
-            f"{path}: encloses no volume ({mesh.volume * 1e6:.3g} ml in a box of diagonal "
+            f"{path}: encloses no volume ({volume_m3 * 1e6:.3g} ml in a box of diagonal "
             f"{diagonal_m * 1e3:.3g} mm); it must bound a solid, not a sheet"
         )
 
 
-def _check_winding(path: Path, mesh: trimesh.Trimesh) -> list[str]:
+def _check_winding(path: Path, solid: Solid) -> list[str]:
     """Notices on overlaps, after making sure that hardly any of the volume is inside out.
 
     A closed surface that does not cross itself has winding number 0 or 1 everywhere. Where it crosses itself,
     parts are covered twice or more, which still count as inside, or are inside out with a negative number,
     where "inside" loses its meaning. Both are measured on a lattice off the vertices' own planes.
     """
-    low, extent = mesh.vertices.min(axis=0), np.ptp(mesh.vertices, axis=0)
     ticks = (np.arange(TEST_LATTICE) + np.sqrt(2.0) - 1.0) / TEST_LATTICE
-    points_m = low + extent * np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(
-        -1, 3
-    )
-    winding = VerticalCrossings(np.asarray(mesh.vertices), np.asarray(mesh.faces)).winding(points_m)
+    points_m = solid.bounds_m[0] + solid.extents_m * np.stack(
+        np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1
+    ).reshape(-1, 3)
+    winding = solid.winding(points_m)
     n_inside = max(int((winding > 0).sum()), 1)
     reversed_share = int((winding < 0).sum()) / n_inside
     if reversed_share > LARGEST_REVERSED_SHARE:
@@ -183,11 +208,11 @@ def _check_winding(path: Path, mesh: trimesh.Trimesh) -> list[str]:
     return []
 
 
-def _remark_on_size(mesh: trimesh.Trimesh, role: Role) -> list[str]:
+def _remark_on_size(volume_m3: float, role: Role) -> list[str]:
     low, high = ORGAN_VOLUME_RANGE_M3
-    if role == "organ" and not low <= mesh.volume <= high:
+    if role == "organ" and not low <= volume_m3 <= high:
         return [
-            f"a volume of {mesh.volume * 1e3:.3g} litres is implausible for a human liver "
+            f"a volume of {volume_m3 * 1e3:.3g} litres is implausible for a human liver "
             f"({low * 1e3:g} to {high * 1e3:g}); check the unit and the scan's voxel spacing"
         ]
     return []

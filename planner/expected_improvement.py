@@ -42,7 +42,7 @@ class ExpectedImprovement(Planner):
     """Largest angle between normal and query vector [rad], for `first-within-threshold`."""
     exclude_sensed: bool = True
     """Whether a pose is sensed once at most. Without it the planner may return to one pose for ever."""
-    exclusion_radius_m: float = 0.009
+    exclusion_radius_m: float = 0.006
     """Poses nearer than this to a sensed one are ranked last, when poses are excluded [m]. The paper's poses
     are 1.5 mm apart, so a sensed pose's neighbour sees the same again; at a tumour the radius lets the poses
     spread to its edge, and leave it when it is covered."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner import Workspace
-from sim.attainment import attainable, visibility
+from planner import Workspace, visibility
+from sim.attainment import attainable
 from sim.carrier import Carrier
 from sim.world.kinematics import IkResult, IkStatus
 

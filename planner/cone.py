@@ -29,6 +29,11 @@ class Cone:
             raise PlannerError(f"depth_m must be above 0 m and finite, got {self.depth_m}")
 
     @property
+    def base_radius_m(self) -> float:
+        """Radius of the cone's base [m]: tan(half angle) depth."""
+        return math.tan(self.half_angle_rad) * self.depth_m
+
+    @property
     def volume_m3(self) -> float:
         """Volume of the cone [m^3]: pi / 3 tan^2(half angle) depth^3."""
         return math.pi / 3.0 * math.tan(self.half_angle_rad) ** 2 * self.depth_m**3

@@ -42,10 +42,11 @@ class ExpectedImprovement(Planner):
     """Largest angle between normal and query vector [rad], for `first-within-threshold`."""
     exclude_sensed: bool = True
     """Whether a pose is sensed once at most. Without it the planner may return to one pose for ever."""
-    exclusion_radius_m: float = 0.006
-    """Poses nearer than this to a sensed one are ranked last, when poses are excluded [m]. The paper's poses
-    are 1.5 mm apart, so a sensed pose's neighbour sees the same again; at a tumour the radius lets the poses
-    spread to its edge, and leave it when it is covered."""
+    exclusion_share: float = 0.28
+    """Poses nearer to a sensed one than this share of the radius of the cone's base are ranked last, when poses
+    are excluded: 6 mm under the paper's cone. The paper's poses are 1.5 mm apart, so a sensed pose's neighbour
+    sees the same again; at a tumour the radius lets the poses spread to its edge, and leave it when it is
+    covered."""
     xi: float = 0.01
     """Margin by which the incumbent has to be exceeded, in the unit of the values (the paper's 0.01)."""
 
@@ -58,8 +59,8 @@ class ExpectedImprovement(Planner):
                 )
         if not 0.0 < self.threshold_rad <= math.pi:
             raise PlannerError(f"threshold_rad must lie between 0 and pi, got {self.threshold_rad}")
-        if not 0.0 <= self.exclusion_radius_m < math.inf:
-            raise PlannerError(f"exclusion_radius_m must be 0 m or above, got {self.exclusion_radius_m}")
+        if not 0.0 <= self.exclusion_share < math.inf:
+            raise PlannerError(f"exclusion_share must be 0 or above, got {self.exclusion_share}")
         if not 0.0 <= self.xi < math.inf:
             raise PlannerError(f"xi must be 0 or above and finite, got {self.xi}")
 
@@ -106,8 +107,9 @@ class ExpectedImprovement(Planner):
         """Which poses are nearer to a sensed one than the radius, shape (N,); none if they may return."""
         positions_m = situation.workspace.positions_m
         is_near = np.zeros(len(positions_m), dtype=np.bool_)
+        radius_m = self.exclusion_share * situation.cone.base_radius_m
         for pose in set(situation.sensed) if self.exclude_sensed else ():
-            is_near |= np.sum((positions_m - positions_m[pose]) ** 2, axis=1) < self.exclusion_radius_m**2
+            is_near |= np.sum((positions_m - positions_m[pose]) ** 2, axis=1) < radius_m**2
         return is_near
 
     def _poses_towards(

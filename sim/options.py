@@ -55,9 +55,9 @@ class EpisodeOptions:
     overwrite: bool = False
     """Replace a run that the folder already holds."""
     cone_half_angle_deg: float | None = None
-    """Half-angle of the probe's cone [degrees]; the scenario's (11.5) by default."""
+    """Half-angle of the probe's cone [degrees]; the scenario's by default: 11.5, for the liver 15."""
     cone_depth_mm: float | None = None
-    """Depth of the probe's cone [mm]; the scenario's (102) by default."""
+    """Depth of the probe's cone [mm]; the scenario's by default: 102, for the liver 130."""
     map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
     prior_prevalence: float = 0.5
@@ -73,6 +73,8 @@ class EpisodeOptions:
     """Which pose looks at the point of highest expected improvement."""
     ei_threshold_deg: float = 5.0
     """Largest misalignment for first-within-threshold [degrees]."""
+    ei_exclusion_share: float = 0.28
+    """Poses nearer to a sensed one than this share of the radius of the cone's base are chosen last."""
     ei_reuse_poses: bool = False
     """Let expected improvement return to poses that were sensed already."""
 
@@ -116,6 +118,7 @@ class EpisodeOptions:
             values=self.ei_values,
             pose_rule=self.ei_pose_rule,
             threshold_rad=math.radians(self.ei_threshold_deg),
+            exclusion_share=self.ei_exclusion_share,
             exclude_sensed=not self.ei_reuse_poses,
         )
 

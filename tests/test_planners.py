@@ -119,16 +119,17 @@ def test_a_query_point_out_of_every_cones_sight_gives_way_to_the_next(is_known):
 
 
 def test_a_sensed_poses_neighbours_come_last():
-    best = top(ExpectedImprovement(exclusion_radius_m=0.0), make_situation(mean=blob_mean(), sensed=(0,)))[0]
+    best = top(ExpectedImprovement(exclusion_share=0.0), make_situation(mean=blob_mean(), sensed=(0,)))[0]
     again = make_situation(mean=blob_mean(), sensed=(0, best))
-    ranking = list(ExpectedImprovement(exclusion_radius_m=0.02).rank(again))
+    share = 0.02 / again.cone.base_radius_m
+    ranking = list(ExpectedImprovement(exclusion_share=share).rank(again))
     positions = again.workspace.positions_m
     distances = np.linalg.norm(positions[ranking][:, None] - positions[[0, best]], axis=-1).min(axis=1)
     n_near = int((distances < 0.02).sum())
     assert n_near > 5
     assert (distances[:-n_near] >= 0.02).all()
     # Without a radius the very next pose is a neighbour, one pitch of 9.5 mm away.
-    without_radius = top(ExpectedImprovement(exclusion_radius_m=0.0), again)[0]
+    without_radius = top(ExpectedImprovement(exclusion_share=0.0), again)[0]
     assert without_radius in again.workspace.neighbours(8)[best]
 
 

@@ -101,8 +101,8 @@ SCENARIOS: dict[str, Scenario] = {
 }
 """The paper's scenario 1 and 2 and, in place of its LiTS case, the embedded liver.
 
-The paper does not state its cone. For the synthetic organ it is pinned down by the baselines; for the liver it is that of
-an abdominal probe, 130 mm deep and 70 mm wide at that depth.
+The paper does not state its cone. For the synthetic organ it is pinned down by the baselines; for the liver it is that
+of an abdominal probe, 130 mm deep and 70 mm wide at that depth.
 """
 
 

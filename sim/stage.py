@@ -23,6 +23,8 @@ from .world.scene import Scene, build_scene
 from .world.solid import Solid
 from .world.surface import SensingSurface, upper_surface_workspace
 
+GRID_MARGIN_M = 0.002
+"""The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
 HINGE_REACH = 2.0
 """Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
 PAPER_QUERY = (22, 22, 13)
@@ -78,7 +80,7 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     empty = build_anatomy(organ, name=scenario.name, rng=np.random.default_rng(0))
     scene = build_scene(empty, cone, arm=arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
-    organ_distance = DistanceGrid.from_solid(organ)
+    organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
     carrier = FreeCarrier(scene, workspace) if arm is None else ArmCarrier(scene, workspace, organ_distance)
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())

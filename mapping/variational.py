@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from .likelihood import bound_curvature, expected_label
+from .likelihood import agreed_mean, bound_curvature, expected_label
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +52,9 @@ def fit_reading(
         log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
         n_iterations: Rounds of lambda, then posterior.
     """
-    xi_squared = np.einsum("nr,nr->n", basis, basis) + prior_mean**2
-    # The first round lets a label speak for itself; a low prior alone would call every hit an error.
+    # The first round lets a label speak for itself: a low prior alone would call every hit an error.
     labels = expected_label(0.0, log_odds)
+    xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
     posterior = _solve(xi_squared, prior_mean, basis, labels)
     identity = np.eye(basis.shape[1])
     for _ in range(n_iterations - 1):

@@ -28,8 +28,8 @@ class CarriedVariance:
         self._kept = np.flatnonzero(features.weight_of_hinge >= 0)
         self.coefficients = np.zeros((0, 0, 0)) if query is None else self._prior(query)
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
-        """Takes the variance of G G^T off, for G the rows (k, s) of some weights (k,)."""
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+        """Takes the variance of sign G G^T off, for G the rows (k, s) of some weights (k,)."""
         if self._query is None or G.size == 0:
             return
         hinges = self._features.hinges
@@ -46,7 +46,7 @@ class CarriedVariance:
         # One plane of x at a time keeps the sums in the cache.
         for i, row in enumerate(range(near[0].start, near[0].stop)):
             sums = contract(AxisFeatures(x[i : i + 1], y, z), tensor)
-            self.coefficients[row, near[1], near[2]] -= np.einsum("xyzr,xyzr->yz", sums, sums)
+            self.coefficients[row, near[1], near[2]] -= sign * np.einsum("xyzr,xyzr->yz", sums, sums)
 
     def on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """Returns the variance at all points of a lattice: at once for the one that is carried, else point

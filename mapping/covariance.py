@@ -28,9 +28,12 @@ class DenseCovariance:
         """
         return self._all, C @ self.matrix[weights]
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
-        """Takes G G^T off the covariance of some weights (k,), for G of shape (k, s)."""
-        self.matrix[np.ix_(weights, weights)] -= G @ G.T
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+        """Takes sign G G^T off the covariance of some weights (k,), for G of shape (k, s)."""
+        fall = G @ G.T
+        if sign < 0:
+            np.negative(fall, out=fall)
+        self.matrix[np.ix_(weights, weights)] -= fall
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Returns draws about zero with this covariance, shape (M, n_samples)."""

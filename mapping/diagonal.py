@@ -52,6 +52,10 @@ class DiagonalBelief(Belief):
         self.mean[weights], self.variance[weights] = mean, variance
         return LearningReport(len(weights), len(weights), curvature)
 
+    def revise(self) -> float:
+        """Refuses: the diagonal form keeps no readings."""
+        raise ValueError("the diagonal form cannot revise its readings; use form='full' or form='local'")
+
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws standard weights once; the belief's mean and variances scale them."""
         self._standard = rng.standard_normal((len(self.mean), n_samples))

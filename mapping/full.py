@@ -9,14 +9,15 @@ With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, the reading's own 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_solve
 
 from .belief import Belief, LearningReport
 from .carried_variance import CarriedVariance
+from .coordinates import ReadingCoordinates, reading_coordinates
 from .covariance import DenseCovariance
 from .kernel import HingeFeatures
 from .lattice import Lattice
@@ -26,7 +27,7 @@ from .settings import MapSettings
 from .storage import checked_array
 from .tiled import TiledCovariance
 from .variance_field import VarianceField
-from .variational import fit_reading
+from .variational import fit_reading, refit_reading
 
 # What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
 # error in probability after 50 readings (docs/map.md shows the table).
@@ -36,6 +37,17 @@ _ROW_TOLERANCE = 0.03  # fall of a weight's variance
 _SHRINKAGE_TOLERANCE = 300.0  # share of a direction's variance that the reading takes away
 _FEATURE_CUTOFF = 10.0  # features of a reading
 _QUERY_CUTOFF = 0.01  # terms of the variance at a query point
+
+
+@dataclass(frozen=True, eq=False)
+class HeldReading:
+    """A reading that the belief holds, and how: lambda and the expected label of each of its points."""
+
+    points_m: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    log_odds: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    labels: NDArray[np.float64]
 
 
 class FullBelief(Belief):
@@ -55,6 +67,7 @@ class FullBelief(Belief):
         self.covariance = covariance
         self._variance = variance
         self._samples: WeightSamples | None = None
+        self.held: list[HeldReading] = []
 
     @classmethod
     def dense(cls, features: HingeFeatures, settings: MapSettings) -> FullBelief:
@@ -75,26 +88,38 @@ class FullBelief(Belief):
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
     ) -> LearningReport:
         """Takes in a reading; see the module for the formulas."""
-        tolerance = self._settings.tolerance
-        reduction = self._reduce(points_m)
-        near, C = reduction.hinges, reduction.directions
-        weights, cross = self.covariance.cross(C, near)
-        root, pivots = self._root(cross[:, np.searchsorted(weights, near)] @ C.T)
-        prior_mean = offset + reduction.at_points(C @ self.mean[near])
-        basis = reduction.at_points(root)
-        reading = fit_reading(prior_mean, basis, log_odds, self._settings.n_em_iterations)
-        # Y = Sigma C^T R^-T is not formed: R^-1 is small, so it is applied to what follows it.
-        inverse_root = solve_triangular(root[pivots], np.eye(len(pivots)), lower=True, check_finite=False)
-        cross = cross[pivots]
+        coordinates = self._coordinates(points_m, offset)
+        reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
         if self._samples is not None:
-            self._samples.learn(near, inverse_root @ C[pivots], weights, inverse_root @ cross, reading)
-        self.mean[weights] += (reading.mean @ inverse_root) @ cross
-        G = cross.T @ (inverse_root.T @ self._shrinkage_root(reading.cholesky))
-        touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * tolerance)
-        G, weights = G[touched], weights[touched]
-        self.covariance.lower(weights, G)
-        self._variance.lower(weights, G)
-        return LearningReport(G.shape[1], len(weights), reading.curvature)
+            self._samples.learn(coordinates, reading)
+        self.mean[coordinates.weights] += coordinates.to_weights(reading.mean)
+        Z = self._shrinkage_root(reading.cholesky)
+        n_touched = self._lower(coordinates, Z, sign=1.0)
+        self.held.append(HeldReading(points_m, offset, log_odds, reading.curvature, reading.labels))
+        return LearningReport(Z.shape[1], n_touched, reading.curvature)
+
+    def revise(self) -> float:
+        """Fits every reading anew, with xi from all that is known now, oldest first."""
+        largest = 0.0
+        for number, held in enumerate(self.held):
+            coordinates = self._coordinates(held.points_m, held.offset)
+            change = refit_reading(
+                coordinates.mean,
+                coordinates.basis,
+                held.log_odds,
+                held.curvature,
+                held.labels,
+                self._settings.n_em_iterations,
+            )
+            if self._samples is not None:
+                self._samples.revise(coordinates, change)
+            self.mean[coordinates.weights] += coordinates.to_weights(change.mean)
+            smallest = self._smallest_share()
+            for sign in (1.0, -1.0):
+                self._lower(coordinates, change.root(sign, smallest), sign=sign)
+            largest = max(largest, float(np.abs(coordinates.basis @ change.mean).max()))
+            self.held[number] = replace(held, curvature=change.curvature, labels=change.labels)
+        return largest
 
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws weights from the belief and keeps them up with every later reading."""
@@ -147,12 +172,29 @@ class FullBelief(Belief):
             local = reduce_exactly(factors, weights >= 0)
         return replace(local, hinges=weights[local.hinges])
 
-    def _root(self, matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-        """Returns R with R R^T = matrix, and the rows that make it triangular."""
-        tolerance = self._settings.tolerance
-        if tolerance > 0:
-            return pivoted_cholesky(matrix, _ROOT_TOLERANCE * tolerance)
-        return cholesky(matrix, lower=True, check_finite=False), np.arange(len(matrix))
+    def _coordinates(self, points_m: NDArray[np.float64], offset: NDArray[np.float64]) -> ReadingCoordinates:
+        reduction = self._reduce(points_m)
+        prior_mean = offset + reduction.at_points(reduction.directions @ self.mean[reduction.hinges])
+        weights, cross = self.covariance.cross(reduction.directions, reduction.hinges)
+        tolerance = _ROOT_TOLERANCE * self._settings.tolerance
+        return reading_coordinates(reduction, prior_mean, weights, cross, tolerance=tolerance)
+
+    def _lower(self, coordinates: ReadingCoordinates, Z: NDArray[np.float64], *, sign: float) -> int:
+        """Takes sign G G^T, G = Y Z, off the covariance and its variance at points; returns the rows it
+        touched.
+        """
+        if Z.shape[1] == 0:
+            return 0
+        G = coordinates.to_weights(Z)
+        touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * self._settings.tolerance)
+        weights, G = coordinates.weights[touched], G[touched]
+        self.covariance.lower(weights, G, sign=sign)
+        self._variance.lower(weights, G, sign=sign)
+        return len(weights)
+
+    def _smallest_share(self) -> float:
+        # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
+        return max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15)
 
     def _shrinkage_root(self, factor: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns Z with Z Z^T = I - D^-1 for D = Q Q^T, without the directions that the reading left as
@@ -160,5 +202,4 @@ class FullBelief(Belief):
         """
         identity = np.eye(len(factor))
         shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
-        # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
-        return pivoted_cholesky(shrinkage, max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15))[0]
+        return pivoted_cholesky(shrinkage, self._smallest_share())[0]

@@ -73,8 +73,8 @@ class TiledCovariance:
             sums[:, *inside] += (rows @ block.reshape(len(block), -1)).reshape(len(C), *block.shape[1:])
         return self._gather(sums, window)
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
-        """Takes G G^T off the covariance of some weights (k,), for G of shape (k, s), as far as it is
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+        """Takes sign G G^T off the covariance of some weights (k,), G of shape (k, s), as far as it is
         kept.
         """
         window, tiled = self._lay_out(G.T, weights, margin=0)
@@ -83,7 +83,7 @@ class TiledCovariance:
             here = tuple(int(t + start) for t, start in zip(tile, low, strict=True))
             inside, within = self._overlap(here, window)
             others = tiled[:, *inside]
-            falls = tiled[:, tile[0], tile[1], tile[2]].T @ others.reshape(len(others), -1)
+            falls = sign * tiled[:, tile[0], tile[1], tile[2]].T @ others.reshape(len(others), -1)
             self._panel(here)[:, *within] -= falls.reshape(-1, *others.shape[1:])
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:

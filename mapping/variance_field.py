@@ -40,8 +40,8 @@ class VarianceField:
         prior[self._kept] = weight_variance
         self.coefficients[::2, ::2, ::2] = prior.reshape(features.hinges.shape)
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
-        """Takes the variance of G G^T off, for G the rows (k, s) of some weights (k,)."""
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+        """Takes the variance of sign G G^T off, for G the rows (k, s) of some weights (k,)."""
         if G.size == 0:
             return
         indices = np.unravel_index(self._kept[weights], self._hinges.shape)
@@ -54,7 +54,7 @@ class VarianceField:
             for part, start, n in zip(self._overlap, low, shape, strict=True)
         ]
         box = tuple(slice(2 * start, 2 * (start + n) - 1) for start, n in zip(low, shape, strict=True))
-        self.coefficients[box] -= _pair_sums(tensor, overlap)
+        self.coefficients[box] -= sign * _pair_sums(tensor, overlap)
 
     def on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """Returns the variance at all points of a lattice, shape (query.n_points,)."""

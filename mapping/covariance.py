@@ -1,4 +1,4 @@
-"""Where the covariance of the weights is kept: as one dense matrix."""
+"""Where the covariance of the weights is kept: as one dense matrix, with its variance at points beside it."""
 
 from __future__ import annotations
 
@@ -8,17 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
+from .kernel import Box, HingeFeatures
+from .lattice import Lattice
 from .storage import checked_array
+from .variance_field import VarianceField
+
+# Hinges beyond a reading's own, along x, that may covary with them: the correlation halves with each.
+_MARGIN = 6
 
 
 class DenseCovariance:
-    """Sigma as one M x M matrix."""
+    """Sigma as one M x M matrix, and its variance at points."""
 
-    def __init__(self, n_weights: int, weight_variance: float) -> None:
-        """Starts with independent weights of one variance."""
-        self.matrix = np.zeros((n_weights, n_weights))
+    def __init__(self, features: HingeFeatures, weight_variance: float, *, is_exact: bool) -> None:
+        """Starts with independent weights of one variance; exact, it takes any two weights for dependent."""
+        self._features = features
+        self._is_exact = is_exact
+        self.matrix = np.zeros((features.n_weights, features.n_weights))
         np.fill_diagonal(self.matrix, weight_variance)
-        self._all = np.arange(n_weights)
+        self._variance = VarianceField(features, weight_variance)
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
@@ -26,14 +34,65 @@ class DenseCovariance:
         """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
         (r, m).
         """
-        return self._all, C @ self.matrix[weights]
+        first, last = self._slab(weights)
+        return np.arange(first, last), C @ self.matrix[weights, first:last]
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
         """Takes sign G G^T off the covariance of some weights (k,), for G of shape (k, s)."""
-        fall = G @ G.T
-        if sign < 0:
-            np.negative(fall, out=fall)
-        self.matrix[np.ix_(weights, weights)] -= fall
+        box = self._features.box_of(weights)
+        tensor = self._features.over_box(weights, G, box)
+        planes = tensor.reshape(len(tensor), -1, G.shape[1])
+        places = self._features.weights_in(box).reshape(planes.shape[:2])
+        sums = self._variance.pair_sums(box)
+        # One pair of planes at a time stays in the cache, and serves the covariance and its variance alike.
+        for i in range(len(planes)):
+            for j in range(i, len(planes)):
+                products = planes[i] @ planes[j].T
+                sums.add(i, j, products)
+                self._lower_planes(box, places, i, j, sign * products)
+        self._variance.lower(box, sums, sign=sign)
+
+    def _lower_planes(
+        self, box: Box, places: NDArray[np.intp], i: int, j: int, fall: NDArray[np.float64]
+    ) -> None:
+        """Takes a block off the covariance of two planes of a box, and off its mirror."""
+        shape = self._features.hinges.shape
+        if len(self.matrix) == np.prod(shape):
+            _, y, z = box
+            lattice = self.matrix.reshape(*shape, *shape)
+            sizes = (y.stop - y.start, z.stop - z.start)
+            here, there = box[0].start + i, box[0].start + j
+            lattice[here, y, z, there, y, z] -= fall.reshape(*sizes, *sizes)
+            if i != j:
+                lattice[there, y, z, here, y, z] -= fall.T.reshape(*sizes, *sizes)
+            return
+        rows, columns = np.flatnonzero(places[i] >= 0), np.flatnonzero(places[j] >= 0)
+        fall = fall[np.ix_(rows, columns)]
+        self.matrix[np.ix_(places[i][rows], places[j][columns])] -= fall
+        if i != j:
+            self.matrix[np.ix_(places[j][columns], places[i][rows])] -= fall.T
+
+    def _slab(self, weights: NDArray[np.intp]) -> tuple[int, int]:
+        """Returns the range of weights, which run along x slowest, whose hinges may covary with some
+        weights'.
+        """
+        if self._is_exact:
+            return 0, len(self.matrix)
+        n_x = self._features.hinges.shape[0]
+        box = self._features.box_of(weights)
+        plane_of_weight = np.flatnonzero(self._features.weight_of_hinge >= 0) // (
+            self._features.hinges.n_points // n_x
+        )
+        low, high = box[0].start - _MARGIN, box[0].stop + _MARGIN
+        return int(np.searchsorted(plane_of_weight, low)), int(np.searchsorted(plane_of_weight, high))
+
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance of the latent at all points of a lattice."""
+        return self._variance.on_lattice(query)
+
+    def variance_at(self, points_m: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
+        """Returns the variance of the latent at points that lie close together, shape (N, 3)."""
+        return self._variance.at(points_m, cutoff)
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Returns draws about zero with this covariance, shape (M, n_samples)."""
@@ -41,8 +100,9 @@ class DenseCovariance:
         return factor @ rng.standard_normal((len(self.matrix), n_samples))
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        """Returns the lower triangle, row by row."""
-        return {"covariance": self.matrix[np.tril_indices(len(self.matrix))]}
+        """Returns the lower triangle, row by row, and the coefficients of the variance."""
+        triangle = self.matrix[np.tril_indices(len(self.matrix))]
+        return {"covariance": triangle, "variance_coefficients": self._variance.coefficients}
 
     def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
         """Takes over a saved triangle.
@@ -59,4 +119,6 @@ class DenseCovariance:
             cholesky(matrix, lower=True, check_finite=False)
         except np.linalg.LinAlgError:
             raise ValueError("its covariance is not positive definite") from None
+        coefficients = self._variance.coefficients
+        self._variance.coefficients = checked_array(state, "variance_coefficients", coefficients.shape)
         self.matrix = matrix

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from .belief import Belief, LearningReport
-from .carried_variance import CarriedVariance
 from .coordinates import ReadingCoordinates, reading_coordinates
 from .covariance import DenseCovariance
 from .kernel import HingeFeatures
@@ -26,7 +25,6 @@ from .samples import WeightSamples
 from .settings import MapSettings
 from .storage import checked_array
 from .tiled import TiledCovariance
-from .variance_field import VarianceField
 from .variational import fit_reading, refit_reading
 
 # What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
@@ -54,35 +52,28 @@ class FullBelief(Belief):
     """Gaussian belief over the weights, mean and dense covariance."""
 
     def __init__(
-        self,
-        features: HingeFeatures,
-        settings: MapSettings,
-        covariance: DenseCovariance | TiledCovariance,
-        variance: VarianceField | CarriedVariance,
+        self, features: HingeFeatures, settings: MapSettings, covariance: DenseCovariance | TiledCovariance
     ) -> None:
-        """Starts at zero mean, with a covariance and its variance at points as the form keeps them."""
+        """Starts at zero mean, with a covariance as the form keeps it."""
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
         self.covariance = covariance
-        self._variance = variance
-        self._samples: WeightSamples | None = None
         self.held: list[HeldReading] = []
+        self._samples: WeightSamples | None = None
 
     @classmethod
     def dense(cls, features: HingeFeatures, settings: MapSettings) -> FullBelief:
         """Returns the prior belief of the form `full`."""
-        covariance = DenseCovariance(features.n_weights, settings.weight_variance)
-        return cls(features, settings, covariance, VarianceField(features, settings.weight_variance))
+        is_exact = settings.tolerance == 0
+        return cls(features, settings, DenseCovariance(features, settings.weight_variance, is_exact=is_exact))
 
     @classmethod
     def local(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:
         """Returns the prior belief of the form `local`."""
-        covariance = TiledCovariance(features, settings.weight_variance)
         cutoff = _QUERY_CUTOFF * settings.tolerance
-        return cls(
-            features, settings, covariance, CarriedVariance(features, covariance, query, cutoff=cutoff)
-        )
+        covariance = TiledCovariance(features, settings.weight_variance, query=query, cutoff=cutoff)
+        return cls(features, settings, covariance)
 
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
@@ -136,25 +127,21 @@ class FullBelief(Belief):
         """Returns the arrays that make up the belief."""
         return {
             "mean": self.mean,
-            "variance_coefficients": self._variance.coefficients,
             **self.covariance.state(),
         }
 
     def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
         """Takes over the arrays of another belief of the same settings and hinges."""
         self.mean = checked_array(state, "mean", self.mean.shape)
-        self._variance.coefficients = checked_array(
-            state, "variance_coefficients", self._variance.coefficients.shape
-        )
         self.covariance.restore(state)
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """Returns the variance at all points of a lattice."""
-        return np.maximum(self._variance.on_lattice(query), 0)
+        return np.maximum(self.covariance.variance_on_lattice(query), 0)
 
     def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the variance at points that lie close together."""
-        return np.maximum(self._variance.at(points_m, _QUERY_CUTOFF * self._settings.tolerance), 0)
+        return np.maximum(self.covariance.variance_at(points_m, _QUERY_CUTOFF * self._settings.tolerance), 0)
 
     def _reduce(self, points_m: NDArray[np.float64]) -> Reduction:
         tolerance = self._settings.tolerance
@@ -183,13 +170,12 @@ class FullBelief(Belief):
         """Takes sign G G^T, G = Y Z, off the covariance and its variance at points; returns the rows it
         touched.
         """
-        if Z.shape[1] == 0:
-            return 0
         G = coordinates.to_weights(Z)
         touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * self._settings.tolerance)
+        if touched.size == 0:
+            return 0
         weights, G = coordinates.weights[touched], G[touched]
         self.covariance.lower(weights, G, sign=sign)
-        self._variance.lower(weights, G, sign=sign)
         return len(weights)
 
     def _smallest_share(self) -> float:

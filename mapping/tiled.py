@@ -14,7 +14,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernel import HingeFeatures
+from .carried_variance import CarriedVariance
+from .kernel import HingeFeatures, outer_features
+from .lattice import Lattice
+from .storage import checked_array
 
 # 64 weights a tile are enough for matrix products to run at speed; two tiles reach 8 to 11 hinges.
 _TILE = 4
@@ -26,8 +29,21 @@ TileBox = tuple[slice, ...]
 class TiledCovariance:
     """Sigma as panels: the covariances of each touched tile with the tiles around it."""
 
-    def __init__(self, features: HingeFeatures, weight_variance: float) -> None:
-        """Starts with independent weights of one variance."""
+    def __init__(
+        self,
+        features: HingeFeatures,
+        weight_variance: float,
+        *,
+        query: Lattice | None = None,
+        cutoff: float = 0.0,
+    ) -> None:
+        """Starts with independent weights of one variance, which is carried on a query lattice if there is
+        one.
+        """
+        self._features = features
+        self._carried = (
+            None if query is None else CarriedVariance(features, query, weight_variance, cutoff=cutoff)
+        )
         shape = features.hinges.shape
         self._n_weights = features.n_weights
         self._variance = weight_variance
@@ -48,9 +64,26 @@ class TiledCovariance:
         """Memory that the panels take."""
         return sum(panel.nbytes for panel in self._panels.values())
 
-    def prior_variances(self) -> NDArray[np.float64]:
-        """Returns the prior variance of each weight, shape (M,)."""
-        return np.full(self._n_weights, self._variance)
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance of the latent at all points of the lattice that it is carried on.
+
+        Raises:
+            ValueError: If the lattice is another.
+        """
+        if self._carried is None or query is not self._carried.query:
+            raise ValueError(
+                "the local form carries the variance on the query lattice it was made with alone"
+            )
+        return self._carried.values.ravel()
+
+    def variance_at(self, points_m: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
+        """Returns the variance phi Sigma phi^T at points that lie close together, shape (N, 3)."""
+        box = self._features.box_around(points_m, cutoff)
+        weights = self._features.weights_in(box)
+        Phi = outer_features(self._features.along_axes(points_m, box))[:, weights >= 0]
+        weights = weights[weights >= 0]
+        columns, cross = self.cross(Phi, weights)
+        return np.einsum("nk,nk->n", cross[:, np.searchsorted(columns, weights)], Phi)
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
@@ -85,6 +118,8 @@ class TiledCovariance:
             others = tiled[:, *inside]
             falls = sign * tiled[:, tile[0], tile[1], tile[2]].T @ others.reshape(len(others), -1)
             self._panel(here)[:, *within] -= falls.reshape(-1, *others.shape[1:])
+        if self._carried is not None:
+            self._carried.lower(weights, G, sign=sign)
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Returns draws of the prior, shape (M, n_samples).
@@ -97,8 +132,9 @@ class TiledCovariance:
         return np.sqrt(self._variance) * rng.standard_normal((self._n_weights, n_samples))
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        """Returns the panels, one array each."""
-        return {f"panel_{x}_{y}_{z}": panel for (x, y, z), panel in self._panels.items()}
+        """Returns the panels, one array each, and the variance that is carried."""
+        panels = {f"panel_{x}_{y}_{z}": panel for (x, y, z), panel in self._panels.items()}
+        return panels if self._carried is None else {"carried_variance": self._carried.values, **panels}
 
     def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
         """Takes over saved panels.
@@ -114,6 +150,8 @@ class TiledCovariance:
             if values.shape != self._prior_panel((x, y, z)).shape or not np.all(np.isfinite(values)):
                 raise ValueError(f"its array '{name}' is not finite or has the wrong shape {values.shape}")
             panels[x, y, z] = values
+        if self._carried is not None:
+            self._carried.values = checked_array(state, "carried_variance", self._carried.values.shape)
         self._panels = panels
 
     def _panel(self, tile: tuple[int, ...]) -> NDArray[np.float64]:

@@ -41,36 +41,51 @@ class DenseCovariance:
         """Takes sign G G^T off the covariance of some weights (k,), for G of shape (k, s)."""
         box = self._features.box_of(weights)
         tensor = self._features.over_box(weights, G, box)
-        planes = tensor.reshape(len(tensor), -1, G.shape[1])
-        places = self._features.weights_in(box).reshape(planes.shape[:2])
+        strips = _strips(tensor)
         sums = self._variance.pair_sums(box)
         # One pair of planes at a time stays in the cache, and serves the covariance and its variance alike.
-        for i in range(len(planes)):
-            for j in range(i, len(planes)):
-                products = planes[i] @ planes[j].T
-                sums.add(i, j, products)
-                self._lower_planes(box, places, i, j, sign * products)
+        for i, here in enumerate(strips):
+            left = tensor[i, here].reshape(-1, G.shape[1])
+            for j, there in enumerate(strips[i:], start=i):
+                products = left @ tensor[j, there].reshape(-1, G.shape[1]).T
+                sums.add((i, here), (j, there), products)
+                products *= sign
+                self._lower_block(
+                    self._places(box, i, here), self._places(box, j, there), products, mirror=i != j
+                )
         self._variance.lower(box, sums, sign=sign)
 
-    def _lower_planes(
-        self, box: Box, places: NDArray[np.intp], i: int, j: int, fall: NDArray[np.float64]
+    def _places(self, box: Box, plane: int, strip: slice) -> tuple[int, slice, slice]:
+        """Returns where a strip of a plane of a box lies in the lattice: its x, and its ranges along y and
+        z.
+        """
+        return box[0].start + plane, slice(box[1].start + strip.start, box[1].start + strip.stop), box[2]
+
+    def _lower_block(
+        self,
+        here: tuple[int, slice, slice],
+        there: tuple[int, slice, slice],
+        fall: NDArray[np.float64],
+        *,
+        mirror: bool,
     ) -> None:
-        """Takes a block off the covariance of two planes of a box, and off its mirror."""
+        """Takes a block off the covariance of the hinges of two strips, and off its mirror."""
         shape = self._features.hinges.shape
         if len(self.matrix) == np.prod(shape):
-            _, y, z = box
             lattice = self.matrix.reshape(*shape, *shape)
-            sizes = (y.stop - y.start, z.stop - z.start)
-            here, there = box[0].start + i, box[0].start + j
-            lattice[here, y, z, there, y, z] -= fall.reshape(*sizes, *sizes)
-            if i != j:
-                lattice[there, y, z, here, y, z] -= fall.T.reshape(*sizes, *sizes)
+            block = lattice[*here, *there]
+            block -= fall.reshape(block.shape)
+            if mirror:
+                block = lattice[*there, *here]
+                block -= fall.T.reshape(block.shape)
             return
-        rows, columns = np.flatnonzero(places[i] >= 0), np.flatnonzero(places[j] >= 0)
-        fall = fall[np.ix_(rows, columns)]
-        self.matrix[np.ix_(places[i][rows], places[j][columns])] -= fall
-        if i != j:
-            self.matrix[np.ix_(places[j][columns], places[i][rows])] -= fall.T
+        weight_of_hinge = self._features.weight_of_hinge.reshape(shape)
+        rows, columns = weight_of_hinge[here].ravel(), weight_of_hinge[there].ravel()
+        fall = fall[np.ix_(rows >= 0, columns >= 0)]
+        rows, columns = rows[rows >= 0], columns[columns >= 0]
+        self.matrix[np.ix_(rows, columns)] -= fall
+        if mirror:
+            self.matrix[np.ix_(columns, rows)] -= fall.T
 
     def _slab(self, weights: NDArray[np.intp]) -> tuple[int, int]:
         """Returns the range of weights, which run along x slowest, whose hinges may covary with some
@@ -122,3 +137,15 @@ class DenseCovariance:
         coefficients = self._variance.coefficients
         self._variance.coefficients = checked_array(state, "variance_coefficients", coefficients.shape)
         self.matrix = matrix
+
+
+def _strips(tensor: NDArray[np.float64]) -> list[slice]:
+    """Returns for each plane of G over a box, (n_x, n_y, n_z, s), the range along y outside which it is
+    zero.
+    """
+    is_touched = np.any(tensor != 0, axis=(2, 3))
+    strips = []
+    for row in is_touched:
+        touched = np.flatnonzero(row)
+        strips.append(slice(int(touched[0]), int(touched[-1]) + 1) if touched.size else slice(0, 0))
+    return strips

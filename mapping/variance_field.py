@@ -79,13 +79,22 @@ class PairSums:
         nx, ny, nz = (len(part) for part in overlap)
         self._over_x = np.zeros((2 * nx - 1, ny * nz, ny * nz))
 
-    def add(self, i: int, j: int, products: NDArray[np.float64]) -> None:
-        """Adds G_i G_j^T of two planes of the box along x, i <= j, of shape (n_y n_z, n_y n_z), and its
-        mirror.
+    def add(self, here: tuple[int, slice], there: tuple[int, slice], products: NDArray[np.float64]) -> None:
+        """Adds the part of G G^T between two strips, and its mirror.
+
+        Args:
+            here: A plane i of the box along x and the strip of it along y.
+            there: Another, j >= i.
+            products: G_here G_there^T, rows and columns along y and z.
         """
+        (i, rows), (j, columns) = here, there
+        n_z = len(self._overlap[2])
         # The mirror (j, i) is the transpose, which gives the same once the other axes are summed.
         factor = self._overlap[0][i, j] if i == j else 2 * self._overlap[0][i, j]
-        self._over_x[i + j] += factor * products
+        into = self._over_x[
+            i + j, rows.start * n_z : rows.stop * n_z, columns.start * n_z : columns.stop * n_z
+        ]
+        into += factor * products
 
     def total(self) -> NDArray[np.float64]:
         """Returns the sums, shape (2 n_x - 1, 2 n_y - 1, 2 n_z - 1)."""

@@ -27,30 +27,24 @@ class ReadingCoordinates:
     """B, shape (n, r)."""
     near: NDArray[np.intp]
     """Weights that the reading's features touch, shape (h,)."""
-    weights: NDArray[np.intp]
-    """Weights that covary with them, shape (k,)."""
     inverse_root: NDArray[np.float64]
     """R^-1, shape (r, r)."""
     directions: NDArray[np.float64]
     """C, shape (r, h)."""
-    cross: NDArray[np.float64]
-    """C Sigma, shape (r, k)."""
 
     def to_reading(self, deviations: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns z = R^-1 C d of deviations d of all weights from their mean, shape (M, S)."""
         return self.inverse_root @ (self.directions @ deviations[self.near])
 
-    def to_weights(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns Y values, for values over z of shape (r,) or (r, s)."""
-        # Y itself is not formed: R^-T is small, so it is applied to what follows it.
-        return self.cross.T @ (self.inverse_root.T @ values)
+    def rows(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the rows W with Y values = (W Sigma)^T, for values over z of shape (r, s)."""
+        return (values.T @ self.inverse_root) @ self.directions
 
 
 def reading_coordinates(
     reduction: Reduction,
     prior_mean: NDArray[np.float64],
-    weights: NDArray[np.intp],
-    cross: NDArray[np.float64],
+    covariance: NDArray[np.float64],
     *,
     tolerance: float,
 ) -> ReadingCoordinates:
@@ -59,12 +53,9 @@ def reading_coordinates(
     Args:
         reduction: Its reduced features.
         prior_mean: The latent's mean at its points, shape (n,).
-        weights: Weights that covary with those of the reduction, ascending, shape (k,).
-        cross: C Sigma, shape (r, k).
+        covariance: C Sigma C^T, shape (r, r).
         tolerance: Variance at a pivot that need not follow from the others; 0 keeps all.
     """
-    C = reduction.directions
-    covariance = cross[:, np.searchsorted(weights, reduction.hinges)] @ C.T
     if tolerance > 0:
         root, pivots = pivoted_cholesky(covariance, tolerance)
     else:
@@ -74,8 +65,6 @@ def reading_coordinates(
         mean=prior_mean,
         basis=reduction.at_points(root),
         near=reduction.hinges,
-        weights=weights,
         inverse_root=solve_triangular(root[pivots], identity, lower=True, check_finite=False),
-        directions=C[pivots],
-        cross=cross[pivots],
+        directions=reduction.directions[pivots],
     )

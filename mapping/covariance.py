@@ -28,6 +28,10 @@ class DenseCovariance:
         np.fill_diagonal(self.matrix, weight_variance)
         self._variance = VarianceField(features, weight_variance)
 
+    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Returns C Sigma C^T among some weights (k,), for C of shape (r, k)."""
+        return C @ self.matrix[np.ix_(weights, weights)] @ C.T
+
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -32,7 +32,7 @@ from .variational import fit_reading, refit_reading
 _PIVOT_TOLERANCE = 1.0  # share of |phi|^2 of a point's features that does not follow from the pivots
 _ROOT_TOLERANCE = 1.0  # variance of the latent at a pivot that does not follow from the others
 _ROW_TOLERANCE = 0.03  # fall of a weight's variance
-_SHRINKAGE_TOLERANCE = 300.0  # share of a direction's variance that the reading takes away
+_SHRINKAGE_TOLERANCE = 1000.0  # share of a direction's variance that the reading takes away
 _FEATURE_CUTOFF = 10.0  # features of a reading
 _QUERY_CUTOFF = 0.01  # terms of the variance at a query point
 
@@ -81,34 +81,22 @@ class FullBelief(Belief):
         """Takes in a reading; see the module for the formulas."""
         coordinates = self._coordinates(points_m, offset)
         reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
-        if self._samples is not None:
-            self._samples.learn(coordinates, reading)
-        self.mean[coordinates.weights] += coordinates.to_weights(reading.mean)
+        moves = None if self._samples is None else self._samples.learn(coordinates, reading)
         Z = self._shrinkage_root(reading.cholesky)
-        n_touched = self._lower(coordinates, Z, sign=1.0)
+        n_touched = self._write_back(coordinates, reading.mean, fall=Z, rise=Z[:, :0], moves=moves)
         self.held.append(HeldReading(points_m, offset, log_odds, reading.curvature, reading.labels))
         return LearningReport(Z.shape[1], n_touched, reading.curvature)
 
     def revise(self) -> float:
         """Fits every reading anew, with xi from all that is known now, oldest first."""
-        largest = 0.0
+        largest, n_rounds = 0.0, self._settings.n_em_iterations
         for number, held in enumerate(self.held):
-            coordinates = self._coordinates(held.points_m, held.offset)
-            change = refit_reading(
-                coordinates.mean,
-                coordinates.basis,
-                held.log_odds,
-                held.curvature,
-                held.labels,
-                self._settings.n_em_iterations,
-            )
-            if self._samples is not None:
-                self._samples.revise(coordinates, change)
-            self.mean[coordinates.weights] += coordinates.to_weights(change.mean)
-            smallest = self._smallest_share()
-            for sign in (1.0, -1.0):
-                self._lower(coordinates, change.root(sign, smallest), sign=sign)
-            largest = max(largest, float(np.abs(coordinates.basis @ change.mean).max()))
+            now = self._coordinates(held.points_m, held.offset)
+            change = refit_reading(now.mean, now.basis, held.log_odds, held.curvature, held.labels, n_rounds)
+            moves = None if self._samples is None else self._samples.revise(now, change)
+            fall, rise = (change.root(sign, self._smallest_share()) for sign in (1.0, -1.0))
+            self._write_back(now, change.mean, fall=fall, rise=rise, moves=moves)
+            largest = max(largest, float(np.abs(now.basis @ change.mean).max()))
             self.held[number] = replace(held, curvature=change.curvature, labels=change.labels)
         return largest
 
@@ -162,21 +150,50 @@ class FullBelief(Belief):
     def _coordinates(self, points_m: NDArray[np.float64], offset: NDArray[np.float64]) -> ReadingCoordinates:
         reduction = self._reduce(points_m)
         prior_mean = offset + reduction.at_points(reduction.directions @ self.mean[reduction.hinges])
-        weights, cross = self.covariance.cross(reduction.directions, reduction.hinges)
+        covariance = self.covariance.inner(reduction.directions, reduction.hinges)
         tolerance = _ROOT_TOLERANCE * self._settings.tolerance
-        return reading_coordinates(reduction, prior_mean, weights, cross, tolerance=tolerance)
+        return reading_coordinates(reduction, prior_mean, covariance, tolerance=tolerance)
 
-    def _lower(self, coordinates: ReadingCoordinates, Z: NDArray[np.float64], *, sign: float) -> int:
-        """Takes sign G G^T, G = Y Z, off the covariance and its variance at points; returns the rows it
-        touched.
+    def _write_back(
+        self,
+        coordinates: ReadingCoordinates,
+        mean: NDArray[np.float64],
+        *,
+        fall: NDArray[np.float64],
+        rise: NDArray[np.float64],
+        moves: NDArray[np.float64] | None,
+    ) -> int:
+        """Takes a belief over z back to the weights: mu + Y z', Sigma - Y (Z Z^T) Y^T, and the draws' moves.
+
+        Args:
+            coordinates: The reading's.
+            mean: z', shape (r,).
+            fall: Z, shape (r, s).
+            rise: The same for what is added to Sigma.
+            moves: Change of z of each draw, shape (r, S).
+
+        Returns:
+            How many weights were touched.
         """
-        G = coordinates.to_weights(Z)
-        touched = np.flatnonzero(np.einsum("ij,ij->i", G, G) > _ROW_TOLERANCE * self._settings.tolerance)
-        if touched.size == 0:
-            return 0
-        weights, G = coordinates.weights[touched], G[touched]
-        self.covariance.lower(weights, G, sign=sign)
-        return len(weights)
+        parts = [mean[:, None], fall, rise, *([] if moves is None else [moves])]
+        ends = np.cumsum([part.shape[1] for part in parts])
+        weights, rows = self.covariance.cross(coordinates.rows(np.hstack(parts)), coordinates.near)
+        self.mean[weights] += rows[0]
+        if self._samples is not None:
+            self._samples.deviations[weights] += rows[ends[2] :].T
+        touched = [
+            self._lower(weights, rows[start:end], sign=sign)
+            for start, end, sign in ((ends[0], ends[1], 1.0), (ends[1], ends[2], -1.0))
+        ]
+        return max(touched)
+
+    def _lower(self, weights: NDArray[np.intp], rows: NDArray[np.float64], *, sign: float) -> int:
+        """Takes sign G G^T off the covariance, for G^T = rows; returns how many weights that touches."""
+        falls = np.einsum("sk,sk->k", rows, rows)
+        touched = np.flatnonzero(falls > _ROW_TOLERANCE * self._settings.tolerance)
+        if touched.size > 0:
+            self.covariance.lower(weights[touched], rows[:, touched].T, sign=sign)
+        return touched.size
 
     def _smallest_share(self) -> float:
         # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.

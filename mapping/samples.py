@@ -22,12 +22,10 @@ class WeightSamples:
         self.deviations = deviations
         self._rng = rng
 
-    def learn(self, coordinates: ReadingCoordinates, reading: ReadingPosterior) -> None:
-        """Moves the draws by a new reading."""
-        moves = reading.move(coordinates.to_reading(self.deviations), self._rng)
-        self.deviations[coordinates.weights] += coordinates.to_weights(moves)
+    def learn(self, coordinates: ReadingCoordinates, reading: ReadingPosterior) -> NDArray[np.float64]:
+        """Returns z' - z of each draw for a new reading, shape (r, S)."""
+        return reading.move(coordinates.to_reading(self.deviations), self._rng)
 
-    def revise(self, coordinates: ReadingCoordinates, change: ReadingChange) -> None:
-        """Moves the draws by a change of an earlier reading."""
-        moves = change.move(coordinates.to_reading(self.deviations))
-        self.deviations[coordinates.weights] += coordinates.to_weights(moves)
+    def revise(self, coordinates: ReadingCoordinates, change: ReadingChange) -> NDArray[np.float64]:
+        """Returns z' - z of each draw for a change of an earlier reading, shape (r, S)."""
+        return change.move(coordinates.to_reading(self.deviations))

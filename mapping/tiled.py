@@ -85,13 +85,23 @@ class TiledCovariance:
         columns, cross = self.cross(Phi, weights)
         return np.einsum("nk,nk->n", cross[:, np.searchsorted(columns, weights)], Phi)
 
+    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Returns C Sigma C^T among some weights (k,), for C of shape (r, k)."""
+        columns, cross = self._cross(C, weights, margin=0)
+        return cross[:, np.searchsorted(columns, weights)] @ C.T
+
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
         (r, m).
         """
-        window, tiled = self._lay_out(C, weights, margin=1)
+        return self._cross(C, weights, margin=1)
+
+    def _cross(
+        self, C: NDArray[np.float64], weights: NDArray[np.intp], *, margin: int
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        window, tiled = self._lay_out(C, weights, margin=margin)
         sums = np.zeros_like(tiled)
         low = [part.start for part in window]
         for tile in np.argwhere(np.any(tiled != 0, axis=(0, 4))):

@@ -68,6 +68,10 @@ class Belief(ABC):
         """
 
     @abstractmethod
+    def revise(self) -> float:
+        """Fits every reading so far anew and returns the largest change of the latent's mean."""
+
+    @abstractmethod
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws weights from the belief and keeps them up with every later reading."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .belief import Belief, LearningReport
 from .kernel import AxisFeatures, HingeFeatures, contract, outer_features
 from .lattice import Lattice
-from .likelihood import bound_curvature, expected_label
+from .likelihood import agreed_mean, bound_curvature, expected_label
 from .settings import MapSettings
 from .storage import checked_array
 
@@ -40,7 +40,8 @@ class DiagonalBelief(Belief):
         squares = Phi**2
         prior_mean, prior_variance = self.mean[weights], self.variance[weights]
         mean, variance = prior_mean, prior_variance
-        latent_mean, labels = offset + Phi @ mean, expected_label(0.0, log_odds)
+        labels = expected_label(0.0, log_odds)
+        latent_mean = agreed_mean(offset + Phi @ mean, labels)
         curvature = np.zeros(len(points_m))
         for _ in range(self._settings.n_em_iterations):
             curvature = bound_curvature(np.sqrt(squares @ variance + latent_mean**2))
@@ -50,6 +51,10 @@ class DiagonalBelief(Belief):
             labels = expected_label(latent_mean, log_odds)
         self.mean[weights], self.variance[weights] = mean, variance
         return LearningReport(len(weights), len(weights), curvature)
+
+    def revise(self) -> float:
+        """Refuses: the diagonal form keeps no readings."""
+        raise ValueError("the diagonal form cannot revise its readings; use form='full' or form='local'")
 
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws standard weights once; the belief's mean and variances scale them."""

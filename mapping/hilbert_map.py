@@ -97,6 +97,24 @@ class HilbertMap:
             curvature=report.curvature,
         )
 
+    def revise(self, n_sweeps: int = 1) -> float:
+        """Fits every reading again in the light of all the others.
+
+        A reading is taken in with the xi of its moment, so what is learnt depends on the order of the
+        readings. Sweeps move the map to the posterior of all readings at once, in which the order has no
+        part.
+
+        Args:
+            n_sweeps: How often all readings are gone through; each costs as much as an update per reading.
+
+        Returns:
+            The largest change of the latent's mean at a sensed point in the last sweep.
+
+        Raises:
+            ValueError: If the form is diagonal.
+        """
+        return [self._belief.revise() for _ in range(n_sweeps)][-1]
+
     def predict(self, points_m: ArrayLike) -> Prediction:
         """Returns the belief at any points [m], shape (N, 3)."""
         points = check_points(points_m)

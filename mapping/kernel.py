@@ -81,6 +81,23 @@ class HingeFeatures:
         """Returns the index of the weight of each hinge of a box, -1 where there is none, in C order."""
         return self.weight_of_hinge[box_indices(box, self.hinges.shape)]
 
+    def box_of(self, weights: NDArray[np.intp]) -> Box:
+        """Returns the smallest box of hinges that holds those of some weights, shape (k,), k > 0."""
+        hinges = np.flatnonzero(self.weight_of_hinge >= 0)[weights]
+        x, y, z = (
+            slice(int(index.min()), int(index.max()) + 1)
+            for index in np.unravel_index(hinges, self.hinges.shape)
+        )
+        return (x, y, z)
+
+    def over_box(self, weights: NDArray[np.intp], rows: NDArray[np.float64], box: Box) -> NDArray[np.float64]:
+        """Returns rows (k, R) of some weights (k,) laid out over a box that holds them, zero elsewhere."""
+        hinges = np.flatnonzero(self.weight_of_hinge >= 0)[weights]
+        tensor = np.zeros((*(part.stop - part.start for part in box), rows.shape[1]))
+        indices = np.unravel_index(hinges, self.hinges.shape)
+        tensor[tuple(index - part.start for index, part in zip(indices, box, strict=True))] = rows
+        return tensor
+
     def over_hinges(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns values of the weights, shape (M,) or (M, R), laid out over the lattice with zeros in the
         gaps.

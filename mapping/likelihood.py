@@ -26,6 +26,15 @@ def bound_curvature(xi: ArrayLike) -> NDArray[np.float64]:
     return np.where(is_small, 0.125 - xi**2 / 96, np.tanh(safe / 2) / (4 * safe))
 
 
+def agreed_mean(latent_mean: NDArray[np.float64], labels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the latent's mean where the label lies on its side of zero, else 0: the start of xi.
+
+    The rounds shrink a xi slowly, and one from a mean that the label contradicts lies far above where they
+    end.
+    """
+    return np.where((latent_mean > 0) == (labels > 0.5), latent_mean, 0.0)
+
+
 def moderation(latent_variance: ArrayLike) -> NDArray[np.float64]:
     """Returns kappa(v) = 1 / sqrt(1 + pi v / 8), which pulls a probability to 1/2 as the latent's variance
     v grows.

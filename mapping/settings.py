@@ -18,7 +18,7 @@ class MapSettings:
     """Distance between neighbouring hinges [m]; the paper's 0.375 units of 30 mm."""
     gamma_per_m2: float = 5 / 0.03**2
     """gamma of the kernel exp(-gamma |x - h|^2) [1/m^2]; the paper's 5 per squared unit of 30 mm."""
-    prior_prevalence: float = 0.05
+    prior_prevalence: float = 0.02
     """Share of the organ that is expected to be tumour before any reading; 0.5 is the paper's."""
     weight_variance: float = 4.0
     """Prior variance of each weight; with it the latent's standard deviation is about 1.85
@@ -28,7 +28,7 @@ class MapSettings:
     """Share of free points that the sensor calls occupied."""
     false_negative_rate: float = 0.0
     """Share of tumour points that the sensor calls free."""
-    n_em_iterations: int = 3
+    n_em_iterations: int = 4
     """Rounds of the variational bound within one reading."""
     form: Form = "full"
     """`full` keeps the whole covariance of the weights; `local` only near its diagonal, for more than 5,000
@@ -36,6 +36,13 @@ class MapSettings:
     """
     tolerance: float = 1e-6
     """Size of what the computation may leave out: smaller is slower and closer, 0 is exact to rounding."""
+
+    @classmethod
+    def paper(cls) -> MapSettings:
+        """Returns the settings of the paper: no prior knowledge of how much is tumour, 0.375 units, gamma =
+        5.
+        """
+        return cls(hinge_spacing_m=0.01125, gamma_per_m2=5 / 0.03**2, prior_prevalence=0.5)
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

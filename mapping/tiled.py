@@ -14,7 +14,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernel import HingeFeatures
+from .carried_variance import CarriedVariance
+from .kernel import HingeFeatures, outer_features
+from .lattice import Lattice
+from .storage import checked_array
 
 # 64 weights a tile are enough for matrix products to run at speed; two tiles reach 8 to 11 hinges.
 _TILE = 4
@@ -26,8 +29,21 @@ TileBox = tuple[slice, ...]
 class TiledCovariance:
     """Sigma as panels: the covariances of each touched tile with the tiles around it."""
 
-    def __init__(self, features: HingeFeatures, weight_variance: float) -> None:
-        """Starts with independent weights of one variance."""
+    def __init__(
+        self,
+        features: HingeFeatures,
+        weight_variance: float,
+        *,
+        query: Lattice | None = None,
+        cutoff: float = 0.0,
+    ) -> None:
+        """Starts with independent weights of one variance, which is carried on a query lattice if there is
+        one.
+        """
+        self._features = features
+        self._carried = (
+            None if query is None else CarriedVariance(features, query, weight_variance, cutoff=cutoff)
+        )
         shape = features.hinges.shape
         self._n_weights = features.n_weights
         self._variance = weight_variance
@@ -48,9 +64,31 @@ class TiledCovariance:
         """Memory that the panels take."""
         return sum(panel.nbytes for panel in self._panels.values())
 
-    def prior_variances(self) -> NDArray[np.float64]:
-        """Returns the prior variance of each weight, shape (M,)."""
-        return np.full(self._n_weights, self._variance)
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance of the latent at all points of the lattice that it is carried on.
+
+        Raises:
+            ValueError: If the lattice is another.
+        """
+        if self._carried is None or query is not self._carried.query:
+            raise ValueError(
+                "the local form carries the variance on the query lattice it was made with alone"
+            )
+        return self._carried.values.ravel()
+
+    def variance_at(self, points_m: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
+        """Returns the variance phi Sigma phi^T at points that lie close together, shape (N, 3)."""
+        box = self._features.box_around(points_m, cutoff)
+        weights = self._features.weights_in(box)
+        Phi = outer_features(self._features.along_axes(points_m, box))[:, weights >= 0]
+        weights = weights[weights >= 0]
+        columns, cross = self.cross(Phi, weights)
+        return np.einsum("nk,nk->n", cross[:, np.searchsorted(columns, weights)], Phi)
+
+    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Returns C Sigma C^T among some weights (k,), for C of shape (r, k)."""
+        columns, cross = self._cross(C, weights, margin=0)
+        return cross[:, np.searchsorted(columns, weights)] @ C.T
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
@@ -58,7 +96,12 @@ class TiledCovariance:
         """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
         (r, m).
         """
-        window, tiled = self._lay_out(C, weights, margin=1)
+        return self._cross(C, weights, margin=1)
+
+    def _cross(
+        self, C: NDArray[np.float64], weights: NDArray[np.intp], *, margin: int
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        window, tiled = self._lay_out(C, weights, margin=margin)
         sums = np.zeros_like(tiled)
         low = [part.start for part in window]
         for tile in np.argwhere(np.any(tiled != 0, axis=(0, 4))):
@@ -73,8 +116,8 @@ class TiledCovariance:
             sums[:, *inside] += (rows @ block.reshape(len(block), -1)).reshape(len(C), *block.shape[1:])
         return self._gather(sums, window)
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
-        """Takes G G^T off the covariance of some weights (k,), for G of shape (k, s), as far as it is
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+        """Takes sign G G^T off the covariance of some weights (k,), G of shape (k, s), as far as it is
         kept.
         """
         window, tiled = self._lay_out(G.T, weights, margin=0)
@@ -83,8 +126,10 @@ class TiledCovariance:
             here = tuple(int(t + start) for t, start in zip(tile, low, strict=True))
             inside, within = self._overlap(here, window)
             others = tiled[:, *inside]
-            falls = tiled[:, tile[0], tile[1], tile[2]].T @ others.reshape(len(others), -1)
+            falls = sign * tiled[:, tile[0], tile[1], tile[2]].T @ others.reshape(len(others), -1)
             self._panel(here)[:, *within] -= falls.reshape(-1, *others.shape[1:])
+        if self._carried is not None:
+            self._carried.lower(weights, G, sign=sign)
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Returns draws of the prior, shape (M, n_samples).
@@ -97,8 +142,9 @@ class TiledCovariance:
         return np.sqrt(self._variance) * rng.standard_normal((self._n_weights, n_samples))
 
     def state(self) -> dict[str, NDArray[np.float64]]:
-        """Returns the panels, one array each."""
-        return {f"panel_{x}_{y}_{z}": panel for (x, y, z), panel in self._panels.items()}
+        """Returns the panels, one array each, and the variance that is carried."""
+        panels = {f"panel_{x}_{y}_{z}": panel for (x, y, z), panel in self._panels.items()}
+        return panels if self._carried is None else {"carried_variance": self._carried.values, **panels}
 
     def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
         """Takes over saved panels.
@@ -114,6 +160,8 @@ class TiledCovariance:
             if values.shape != self._prior_panel((x, y, z)).shape or not np.all(np.isfinite(values)):
                 raise ValueError(f"its array '{name}' is not finite or has the wrong shape {values.shape}")
             panels[x, y, z] = values
+        if self._carried is not None:
+            self._carried.values = checked_array(state, "carried_variance", self._carried.values.shape)
         self._panels = panels
 
     def _panel(self, tile: tuple[int, ...]) -> NDArray[np.float64]:

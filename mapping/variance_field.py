@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernel import HingeFeatures, contract, outer_features
+from .kernel import Box, HingeFeatures, contract, outer_features
 from .lattice import Lattice
 
 
@@ -27,8 +27,6 @@ class VarianceField:
 
     def __init__(self, features: HingeFeatures, weight_variance: float) -> None:
         """Starts with independent weights of one variance."""
-        self._hinges = features.hinges
-        self._kept = np.flatnonzero(features.weight_of_hinge >= 0)
         self._midpoints = HingeFeatures.build(_halved(features.hinges), 2 * features.gamma_per_m2)
         # exp(-gamma |h - h'|^2 / 2) along each axis
         self._overlap = tuple(
@@ -37,24 +35,18 @@ class VarianceField:
         )
         self.coefficients = np.zeros(self._midpoints.hinges.shape)
         prior = np.zeros(features.hinges.n_points)
-        prior[self._kept] = weight_variance
+        prior[features.weight_of_hinge >= 0] = weight_variance
         self.coefficients[::2, ::2, ::2] = prior.reshape(features.hinges.shape)
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64]) -> None:
-        """Takes the variance of G G^T off, for G the rows (k, s) of some weights (k,)."""
-        if G.size == 0:
-            return
-        indices = np.unravel_index(self._kept[weights], self._hinges.shape)
-        low = [int(index.min()) for index in indices]
-        shape = [int(index.max()) + 1 - start for index, start in zip(indices, low, strict=True)]
-        tensor = np.zeros((*shape, G.shape[1]))
-        tensor[tuple(index - start for index, start in zip(indices, low, strict=True))] = G
-        overlap = [
-            part[start : start + n, start : start + n]
-            for part, start, n in zip(self._overlap, low, shape, strict=True)
-        ]
-        box = tuple(slice(2 * start, 2 * (start + n) - 1) for start, n in zip(low, shape, strict=True))
-        self.coefficients[box] -= _pair_sums(tensor, overlap)
+    def pair_sums(self, box: Box) -> PairSums:
+        """Returns an empty sum over the pairs of hinges of a box."""
+        overlap = [part[along, along] for part, along in zip(self._overlap, box, strict=True)]
+        return PairSums(overlap)
+
+    def lower(self, box: Box, sums: PairSums, *, sign: float = 1.0) -> None:
+        """Takes the variance of sign G G^T off, for G G^T as summed over a box of hinges."""
+        midpoints = tuple(slice(2 * part.start, 2 * part.stop - 1) for part in box)
+        self.coefficients[midpoints] -= sign * sums.total()
 
     def on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """Returns the variance at all points of a lattice, shape (query.n_points,)."""
@@ -76,31 +68,42 @@ def _halved(lattice: Lattice) -> Lattice:
     return Lattice((x, y, z))
 
 
-def _pair_sums(tensor: NDArray[np.float64], overlap: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Returns sum over pairs h + h' = 2 m of (G G^T)_hh' exp(-gamma |h - h'|^2 / 2), for G over a box of
-    hinges.
-
-    Args:
-        tensor: G laid out over the box, shape (n_x, n_y, n_z, s).
-        overlap: The exponential along each axis, shapes (n_d, n_d).
-
-    Returns:
-        The sums, shape (2 n_x - 1, 2 n_y - 1, 2 n_z - 1).
+class PairSums:
+    """The sum over pairs h + h' = 2 m of (G G^T)_hh' exp(-gamma |h - h'|^2 / 2), one pair of planes at a
+    time.
     """
-    nx, ny, nz, rank = tensor.shape
-    planes = tensor.reshape(nx, ny * nz, rank)
-    over_x = np.zeros((2 * nx - 1, ny * nz, ny * nz))
-    for i in range(nx):
-        for j in range(i, nx):
-            products = planes[i] @ planes[j].T
-            # The pair (j, i) adds the transpose of (i, j), which is the same once the other axes are summed.
-            products *= overlap[0][i, j] if i == j else 2 * overlap[0][i, j]
-            over_x[i + j] += products
-    over_y = np.zeros((2 * nx - 1, 2 * ny - 1, nz, nz))
-    pairs = over_x.reshape(2 * nx - 1, ny, nz, ny, nz)
-    for i in range(ny):
-        over_y[:, i : i + ny] += np.moveaxis(pairs[:, i], 2, 1) * overlap[1][i][:, None, None]
-    over_z = np.zeros((2 * nx - 1, 2 * ny - 1, 2 * nz - 1))
-    for i in range(nz):
-        over_z[:, :, i : i + nz] += over_y[:, :, i] * overlap[2][i]
-    return over_z
+
+    def __init__(self, overlap: list[NDArray[np.float64]]) -> None:
+        """Starts at zero; `overlap` is the exponential along each axis of the box, shapes (n_d, n_d)."""
+        self._overlap = overlap
+        nx, ny, nz = (len(part) for part in overlap)
+        self._over_x = np.zeros((2 * nx - 1, ny * nz, ny * nz))
+
+    def add(self, here: tuple[int, slice], there: tuple[int, slice], products: NDArray[np.float64]) -> None:
+        """Adds the part of G G^T between two strips, and its mirror.
+
+        Args:
+            here: A plane i of the box along x and the strip of it along y.
+            there: Another, j >= i.
+            products: G_here G_there^T, rows and columns along y and z.
+        """
+        (i, rows), (j, columns) = here, there
+        n_z = len(self._overlap[2])
+        # The mirror (j, i) is the transpose, which gives the same once the other axes are summed.
+        factor = self._overlap[0][i, j] if i == j else 2 * self._overlap[0][i, j]
+        into = self._over_x[
+            i + j, rows.start * n_z : rows.stop * n_z, columns.start * n_z : columns.stop * n_z
+        ]
+        into += factor * products
+
+    def total(self) -> NDArray[np.float64]:
+        """Returns the sums, shape (2 n_x - 1, 2 n_y - 1, 2 n_z - 1)."""
+        nx, ny, nz = (len(part) for part in self._overlap)
+        pairs = self._over_x.reshape(2 * nx - 1, ny, nz, ny, nz)
+        over_y = np.zeros((2 * nx - 1, 2 * ny - 1, nz, nz))
+        for i in range(ny):
+            over_y[:, i : i + ny] += np.moveaxis(pairs[:, i], 2, 1) * self._overlap[1][i][:, None, None]
+        over_z = np.zeros((2 * nx - 1, 2 * ny - 1, 2 * nz - 1))
+        for i in range(nz):
+            over_z[:, :, i : i + nz] += over_y[:, :, i] * self._overlap[2][i]
+        return over_z

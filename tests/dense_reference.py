@@ -16,6 +16,14 @@ def sigmoid(value):
     return 1 / (1 + np.exp(-value))
 
 
+def trusted(latent_mean, is_occupied, iteration):
+    """The mean that enters xi: in the first round only where the label agrees with the prior's side of
+    zero.
+    """
+    agrees = (latent_mean > 0) == np.asarray(is_occupied, dtype=bool)
+    return latent_mean if iteration > 0 else np.where(agrees, latent_mean, 0.0)
+
+
 class DenseReference:
     """P' = P + 2 Phi^T L Phi and P' mu' = P mu + Phi^T (y - 1/2 - 2 lambda b), xi^2 from the posterior, P
     kept fixed.
@@ -36,9 +44,9 @@ class DenseReference:
         Phi = dense_features(points_m, self.hinges_m, self.gamma_per_m2)
         offset = self.offset(Phi)
         covariance, mean = self.covariance, self.mean
-        for _ in range(self.n_iterations):
+        for iteration in range(self.n_iterations):
             variance = np.einsum("nj,nj->n", Phi @ covariance, Phi)
-            xi = np.sqrt(variance + (offset + Phi @ mean) ** 2)
+            xi = np.sqrt(variance + trusted(offset + Phi @ mean, is_occupied, iteration) ** 2)
             curvature = (sigmoid(xi) - 0.5) / (2 * xi)
             precision = self.precision + 2 * Phi.T @ (curvature[:, None] * Phi)
             covariance = np.linalg.inv(precision)
@@ -63,8 +71,8 @@ class DenseDiagonal(DenseReference):
         offset, squares = self.offset(Phi), Phi**2
         prior = np.diag(self.covariance) if self.covariance.ndim == 2 else self.covariance
         variance, mean = prior, self.mean
-        for _ in range(self.n_iterations):
-            xi = np.sqrt(squares @ variance + (offset + Phi @ mean) ** 2)
+        for iteration in range(self.n_iterations):
+            xi = np.sqrt(squares @ variance + trusted(offset + Phi @ mean, is_occupied, iteration) ** 2)
             curvature = (sigmoid(xi) - 0.5) / (2 * xi)
             variance = 1 / (1 / prior + 2 * squares.T @ curvature)
             mean = variance * (self.mean / prior + Phi.T @ (is_occupied - 0.5 - 2 * curvature * offset))
@@ -84,9 +92,10 @@ class CholeskyReference(DenseReference):
         Phi = dense_features(points_m, self.hinges_m, self.gamma_per_m2)
         offset, mean = self.offset(Phi), self.mean
         factor = scipy.linalg.cholesky(self.precision, lower=True)
-        for _ in range(self.n_iterations):
+        for iteration in range(self.n_iterations):
             spread = scipy.linalg.solve_triangular(factor, Phi.T, lower=True)
-            xi = np.sqrt((spread**2).sum(axis=0) + (offset + Phi @ mean) ** 2)
+            latent_mean = trusted(offset + Phi @ mean, is_occupied, iteration)
+            xi = np.sqrt((spread**2).sum(axis=0) + latent_mean**2)
             curvature = (sigmoid(xi) - 0.5) / (2 * xi)
             scaled = np.sqrt(2 * curvature)[:, None] * Phi
             precision = self.precision + scaled.T @ scaled

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mapping import HilbertMap, Lattice, MapSettings
+from mapping.covariance import DenseCovariance
 from mapping.kernel import HingeFeatures, outer_features
 from mapping.tiled import TiledCovariance
-from mapping.variance_field import VarianceField
 
 # Two tiles and a half along x, so that some pairs of tiles are too far apart to be kept.
 BOX_M = ((-0.1, -0.02, -0.04), (0.1, 0.02, 0.0))
@@ -74,19 +74,26 @@ def test_tiled_products_are_those_of_the_matrix_within_range(features):
     np.testing.assert_allclose(cross, (C @ matrix[asked])[:, columns], atol=1e-10)
 
 
-def test_variance_field_equals_the_quadratic_form(features):
+@pytest.mark.parametrize("is_masked", [False, True])
+def test_dense_covariance_and_its_variance_equal_the_matrix_and_its_quadratic_form(features, is_masked):
+    if not is_masked:
+        features = HingeFeatures.build(features.hinges, features.gamma_per_m2)
     rng = np.random.default_rng(3)
-    field = VarianceField(features, 4.0)
+    kept = DenseCovariance(features, 4.0, is_exact=True)
     Sigma = 4.0 * np.eye(features.n_weights)
-    for _ in range(3):
+    for sign in (1.0, 1.0, -1.0):
         weights = np.sort(rng.choice(features.n_weights, 40, replace=False))
         G = 0.2 * rng.normal(size=(40, 4))
-        field.lower(weights, G)
-        Sigma[np.ix_(weights, weights)] -= G @ G.T
+        kept.lower(weights, G, sign=sign)
+        Sigma[np.ix_(weights, weights)] -= sign * G @ G.T
+    # Sums of some hundred terms of order one.
+    np.testing.assert_allclose(kept.matrix, Sigma, atol=1e-12)
+    np.testing.assert_array_equal(kept.matrix, kept.matrix.T)
     points_m = rng.uniform(*BOX_M, (30, 3))
     Phi = outer_features(features.along_axes(points_m))[:, features.weight_of_hinge >= 0]
-    expected = np.einsum("nj,jk,nk->n", Phi, Sigma, Phi)
-    np.testing.assert_allclose(field.at(points_m, cutoff=0.0), expected, atol=1e-11)
+    quadratic = np.einsum("nj,jk,nk->n", Phi, Sigma, Phi)
+    np.testing.assert_allclose(kept.variance_at(points_m, cutoff=0.0), quadratic, atol=1e-11)
     query = Lattice.from_counts(*BOX_M, counts=(5, 4, 3))
     Phi = outer_features(features.along_axes(query.points_m()))[:, features.weight_of_hinge >= 0]
-    np.testing.assert_allclose(field.on_lattice(query), np.einsum("nj,jk,nk->n", Phi, Sigma, Phi), atol=1e-11)
+    quadratic = np.einsum("nj,jk,nk->n", Phi, Sigma, Phi)
+    np.testing.assert_allclose(kept.variance_on_lattice(query), quadratic, atol=1e-11)

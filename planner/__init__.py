@@ -1,1 +1,27 @@
 """Where to sense next: the workspace of poses, acquisition functions, planners."""
+
+from .cone import Cone
+from .errors import PlannerError
+from .expected_improvement import ExpectedImprovement
+from .multi_resolution import MultiResolution
+from .planner import Planner
+from .random_order import RandomOrder
+from .registry import make_planner, planner_names
+from .situation import Situation
+from .visibility import visibility, visible_points
+from .workspace import Workspace
+
+__all__ = [
+    "Cone",
+    "ExpectedImprovement",
+    "MultiResolution",
+    "Planner",
+    "PlannerError",
+    "RandomOrder",
+    "Situation",
+    "Workspace",
+    "make_planner",
+    "planner_names",
+    "visibility",
+    "visible_points",
+]

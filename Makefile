@@ -1,0 +1,57 @@
+# make episode, make test, make check: each sets up .venv first. `make help` lists all.
+
+SCENARIO ?= liver
+PLANNER ?= expected-improvement
+STEPS ?= 30
+SEED ?= 0
+ARM ?= default
+FRAMES ?= each
+OUT ?= renders/$(notdir $(basename $(SCENARIO)))-$(PLANNER)-$(SEED)
+ARGS ?=
+TESTS ?=
+
+.PHONY: help setup setup-dev episode doctor test check format clean
+
+help:
+	@echo "make episode   set up, then run one episode; ends with its folder and results"
+	@echo "               SCENARIO=liver|sphere|spheres|FILE.toml PLANNER=expected-improvement|random|multi-resolution"
+	@echo "               STEPS=30 SEED=0 ARM=default|none|FILE.xml FRAMES=each|last|none OUT=folder ARGS='more options'"
+	@echo "make doctor    what is installed, what renders, and what to do about each red line"
+	@echo "make test      set up what is missing and run the tests (TESTS='tests/test_cone.py -k volume' for some)"
+	@echo "make check     linter, formatter and type checker"
+	@echo "make format    let the formatter and the linter rewrite the code"
+	@echo "make clean     remove .venv and caches; runs in renders/ stay"
+
+setup:
+	@FRAMES=$(FRAMES) sh .ci/setup
+
+setup-dev:
+	@sh .ci/setup dev
+
+# An earlier run of the same name is replaced only if OUT was not given by hand.
+episode: setup
+	@.venv/bin/sounding episode --scenario $(SCENARIO) --planner $(PLANNER) --steps $(STEPS) --seed $(SEED) \
+		--arm $(ARM) --frames $(FRAMES) --out $(OUT) $(if $(filter file,$(origin OUT)),--overwrite) $(ARGS)
+
+doctor:
+	@FRAMES=none sh .ci/setup
+	@.venv/bin/sounding doctor
+
+# One BLAS thread: the pools of numpy and scipy fight over the cores when both have more.
+test: setup-dev
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest $(TESTS)
+
+check:
+	@FRAMES=none sh .ci/setup dev
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/pyright
+
+format:
+	@FRAMES=none sh .ci/setup dev
+	.venv/bin/ruff check --fix .
+	.venv/bin/ruff format .
+
+clean:
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis
+	find sim planner mapping tests -name __pycache__ -type d -prune -exec rm -rf {} +

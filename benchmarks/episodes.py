@@ -1,0 +1,88 @@
+"""Many episodes of one scenario and planner, and what they add up to: `python -m benchmarks.episodes --help`."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import tyro
+from threadpoolctl import threadpool_limits
+
+from sim.episode import Episode
+from sim.options import EpisodeOptions
+from sim.run import arm_model
+from sim.stage import Stage, build_stage
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Run seeds FIRST to FIRST + COUNT - 1 of an episode and print a row each and a summary."""
+
+    episode: tyro.conf.OmitArgPrefixes[EpisodeOptions]
+    """The episode; its seed is replaced."""
+    first: int = 0
+    """First seed."""
+    count: int = 20
+    """Number of seeds."""
+    jobs: int = 2
+    """Processes."""
+    at: tuple[int, ...] = (10, 20, 30, 50)
+    """Numbers of actions after which AUPRC is reported."""
+
+
+@lru_cache(maxsize=2)
+def _stage(options: EpisodeOptions) -> Stage:
+    return build_stage(options.make_scenario(), arm_model(options), options.make_map_settings())
+
+
+def run_seed(options: EpisodeOptions, at: tuple[int, ...]) -> dict[str, Any]:
+    """One episode's row."""
+    with threadpool_limits(limits=1):
+        stage = _stage(replace(options, seed=0))
+        episode = Episode(
+            stage, options.make_planner(), seed=options.seed, map_settings=options.make_map_settings()
+        )
+        auprc: list[float] = []
+        sensed: list[float] = []
+        for step in episode.steps(options.steps, until_sensed=options.until_sensed):
+            auprc.append(np.nan if step.auprc is None else step.auprc)
+            sensed.append(np.nan if step.sensed_fraction is None else step.sensed_fraction)
+    reached = np.flatnonzero(np.array(sensed) >= 0.95)
+    return {
+        "seed": options.seed,
+        "sensings_to_95": int(reached[0]) + 1 if reached.size else None,
+        "sensed_fraction": sensed[-1],
+        **{f"auprc_{n}": auprc[n - 1] if len(auprc) >= n else None for n in at},
+    }
+
+
+def main(options: Options) -> None:
+    """Run the seeds and print."""
+    at = tuple(n for n in options.at if n <= options.episode.steps)
+    seeds = range(options.first, options.first + options.count)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        jobs = [pool.submit(run_seed, replace(options.episode, seed=seed), at) for seed in seeds]
+        rows = []
+        for job in jobs:
+            rows.append(job.result())
+            print(rows[-1], flush=True)
+    sensings = np.array([row["sensings_to_95"] or np.nan for row in rows], dtype=float)
+    done = sensings[np.isfinite(sensings)]
+    print(f"never to 95 %: {np.isnan(sensings).mean():.0%} of {len(rows)}")
+    if done.size:
+        capped = np.where(np.isnan(sensings), options.episode.steps, sensings)
+        print(
+            f"sensings to 95 %: mean {done.mean():.1f}, median {np.median(done):.1f}, sd {done.std(ddof=1):.1f} "
+            f"of those that get there; restricted mean (cap {options.episode.steps}) {capped.mean():.1f}"
+        )
+    for n in at:
+        values = np.array([row[f"auprc_{n}"] for row in rows if row[f"auprc_{n}"] is not None], dtype=float)
+        if values.size:
+            print(f"AUPRC at {n}: mean {values.mean():.3f}, sd {values.std(ddof=1):.3f} over {values.size}")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

@@ -1,0 +1,75 @@
+"""What a planner may know when it is asked for the next pose. The truth is not among it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping import Prediction
+
+from .cone import Cone
+from .errors import PlannerError
+from .workspace import Workspace
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Situation:
+    """The state of an episode between two sensing actions, as a planner sees it."""
+
+    workspace: Workspace
+    """All sensing poses."""
+    cone: Cone
+    """The volume that one sensing action sees."""
+    search_points_m: NDArray[np.float64]
+    """The search space: lattice points inside the organ [m, world], shape (M, 3)."""
+    prediction: Prediction | None
+    """The belief at the search points, arrays of shape (M,); None if the planner needs no belief."""
+    sensed: tuple[int, ...] = ()
+    """Indices of the poses sensed so far, in order."""
+    skipped: frozenset[int] = frozenset()
+    """Indices of the poses that the arm failed to reach."""
+    is_visible: NDArray[np.bool_] | None = None
+    """Which search points some pose sees, from `visible_points`, shape (M,); None if not worked out."""
+    rng: np.random.Generator
+    """The planner's own stream of randomness."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and indices."""
+        points = self.search_points_m
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+            raise PlannerError(
+                f"search_points_m must have shape (M, 3) with M of at least 1, got {points.shape}"
+            )
+        if self.prediction is not None and self.prediction.latent_mean.shape != (len(points),):
+            raise PlannerError(
+                f"the prediction has shape {self.prediction.latent_mean.shape}, but there are {len(points)} "
+                "search points: predict at exactly these points"
+            )
+        if self.is_visible is not None and self.is_visible.shape != (len(points),):
+            raise PlannerError(
+                f"is_visible has shape {self.is_visible.shape}, not one value per search point"
+            )
+        object.__setattr__(self, "skipped", frozenset(self.skipped))
+        self._check_indices("sensed", self.sensed)
+        self._check_indices("skipped", self.skipped)
+
+    def available(self, *, exclude_sensed: bool) -> NDArray[np.bool_]:
+        """Which poses may be proposed, shape (N,): not those that the arm failed to reach.
+
+        Args:
+            exclude_sensed: Whether the poses sensed before are left out too.
+        """
+        is_available = np.ones(self.workspace.n_poses, dtype=np.bool_)
+        is_available[list(self.skipped)] = False
+        if exclude_sensed:
+            is_available[list(self.sensed)] = False
+        return is_available
+
+    def _check_indices(self, name: str, indices: Iterable[int]) -> None:
+        n_poses = self.workspace.n_poses
+        wrong = [index for index in indices if not 0 <= index < n_poses]
+        if wrong:
+            raise PlannerError(
+                f"{name} holds pose {wrong[0]}, but the workspace's poses are 0 .. {n_poses - 1}"
+            )

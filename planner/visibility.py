@@ -1,0 +1,66 @@
+"""Which poses' cones hold which points: the same test as `Cone.contains`, for all pairs at once."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cone import Cone
+from .workspace import Workspace
+
+_POINTS_AT_ONCE = 256
+"""Points per block of the dense table, so that its parts stay in the processor's cache."""
+_POSES_AT_ONCE = 512
+"""Poses per block of `visible_points`; a point drops out with the first block that sees it."""
+
+
+def visibility(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which poses' cones hold which points, shape (M, N).
+
+    Written as matrix products: axial = (x - p) . n and |x - p|^2 <= axial^2 (1 + tan^2(half angle)).
+
+    Args:
+        workspace: The N poses.
+        cone: What one of them sees.
+        points_m: The points [m, world], shape (M, 3).
+    """
+    centre_m = workspace.positions_m.mean(
+        axis=0
+    )  # small coordinates: the squares round far below a micrometre
+    positions_m, points_m = workspace.positions_m - centre_m, points_m - centre_m
+    sees = np.empty((len(points_m), workspace.n_poses), dtype=np.bool_)
+    for start in range(0, len(points_m), _POINTS_AT_ONCE):
+        block = slice(start, start + _POINTS_AT_ONCE)
+        sees[block] = _sees(positions_m, workspace.normals, cone, points_m[block])
+    return sees
+
+
+def visible_points(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each point lies in the cone of at least one pose, shape (M,); needs no table of all pairs.
+
+    Args:
+        workspace: The N poses.
+        cone: What one of them sees.
+        points_m: The points [m, world], shape (M, 3).
+    """
+    is_visible = np.zeros(len(points_m), dtype=np.bool_)
+    n_blocks = -(-workspace.n_poses // _POSES_AT_ONCE)
+    for first in range(n_blocks):
+        poses = slice(first, None, n_blocks)  # scattered over the surface, so that most points drop out soon
+        part = Workspace(workspace.positions_m[poses], workspace.normals[poses])
+        open_points = np.flatnonzero(~is_visible)
+        is_visible[open_points] = visibility(part, cone, points_m[open_points]).any(axis=1)
+    return is_visible
+
+
+def _sees(
+    positions_m: NDArray[np.float64], normals: NDArray[np.float64], cone: Cone, points_m: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    axial_m = points_m @ normals.T - np.einsum("ij,ij->i", positions_m, normals)
+    squared = (
+        np.einsum("ij,ij->i", points_m, points_m)[:, None]
+        - 2.0 * points_m @ positions_m.T
+        + np.einsum("ij,ij->i", positions_m, positions_m)
+    )
+    reach = (1.0 + math.tan(cone.half_angle_rad) ** 2) * axial_m**2
+    return (axial_m >= 0.0) & (axial_m <= cone.depth_m) & (squared <= reach)

@@ -1,0 +1,77 @@
+"""The `sounding` command."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import tyro
+
+from planner import PlannerError
+
+from .errors import UsageError
+from .options import EpisodeOptions
+from .world.errors import WorldError
+from .world.gl import adopt_mujoco_gl
+
+EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
+
+
+@dataclass(frozen=True)
+class DoctorOptions:
+    """Say what is installed, which OpenGL works and how fast it draws, and what to do about each red line."""
+
+
+COMMANDS = {"episode": EpisodeOptions, "doctor": DoctorOptions}
+DESCRIPTION = (
+    "Sounding plans where a robot arm presses an ultrasound-like probe on an organ, so that hidden tumours are "
+    "mapped in few sensing actions."
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code: 0 done, 2 bad input (one line says what), 130 interrupted."""
+    adopt_mujoco_gl()  # before anything imports mujoco
+    try:
+        options = _parse(sys.argv[1:] if arguments is None else list(arguments))
+        if isinstance(options, DoctorOptions):
+            from .doctor import run_doctor
+
+            return 0 if run_doctor().is_healthy else 1
+        return _episode(options)
+    except (UsageError, WorldError, PlannerError) as error:
+        print(f"sounding: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except OSError as error:
+        print(
+            f"sounding: {error.filename or 'file'}: {error.strerror}. What was written so far is kept.",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
+
+
+def _parse(arguments: list[str]) -> Any:
+    return tyro.extras.subcommand_cli_from_dict(
+        COMMANDS, prog="sounding", description=DESCRIPTION, args=arguments, sort_subcommands=False
+    )
+
+
+def _episode(options: EpisodeOptions) -> int:
+    from .run import run_episode  # imports MuJoCo: a second that --help need not wait for
+    from .tables import episode_table
+
+    try:
+        summary = run_episode(options)
+    except KeyboardInterrupt:
+        print(
+            "sounding: interrupted; the run folder holds what was done, marked unfinished.", file=sys.stderr
+        )
+        return EXIT_INTERRUPTED
+    print(episode_table(summary))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,198 @@
+"""The episode: Algorithm 1 of the paper, with an arm that has to reach the pose before it can sense there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import perf_counter
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, average_precision, evaluate_map
+from planner import Planner, Situation
+
+from .stage import Stage
+from .truth import Truth, make_truth
+from .world.kinematics import IkResult
+from .world.probe import Probe, ProbeSettings, Reading
+
+
+@dataclass(frozen=True)
+class SkippedPose:
+    """A pose that the planner wanted and the arm could not take."""
+
+    pose_index: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Step:
+    """One sensing action and what came of it."""
+
+    step: int
+    """Number of the action, from 1."""
+    pose_index: int
+    ik: IkResult
+    reading: Reading
+    sensed_fraction: float | None
+    """Share of the tumours' detection points that lay in some cone so far; None without tumours."""
+    auprc: float | None
+    """Area under the map's precision-recall curve; None without tumours or without a map."""
+    skipped: tuple[SkippedPose, ...]
+    """Poses ranked before this one that the arm could not take."""
+    tip_path_m: NDArray[np.float64]
+    """The tip's way from the last contact: lift, transfer, descent, contact, shape (P, 3)."""
+    plan_s: float
+    ik_s: float
+    sense_s: float
+    update_s: float
+
+
+class Episode:
+    """One episode: state that `steps` carries from action to action."""
+
+    def __init__(
+        self,
+        stage: Stage,
+        planner: Planner,
+        *,
+        seed: int,
+        map_settings: MapSettings | None = None,
+        probe_settings: ProbeSettings | None = None,
+        has_map: bool = True,
+    ) -> None:
+        """Make the truth of the seed and the prior map.
+
+        Args:
+            stage: Organ, workspace and arm.
+            planner: Ranks the poses.
+            seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
+            map_settings: Of the map.
+            probe_settings: Of the readings.
+            has_map: Whether a map is kept; only planners that need no belief can go without.
+
+        Raises:
+            ValueError: A planner that needs a belief without a map, or a negative seed.
+            WorldError: No place for the tumours was found.
+        """
+        if seed < 0:
+            raise ValueError(f"seed={seed}: must be 0 or more.")
+        if planner.needs_belief and not has_map:
+            raise ValueError(f"{type(planner).__name__} needs a belief: has_map must be True.")
+        truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
+        self.stage, self.planner = stage, planner
+        self.truth: Truth = make_truth(stage, truth_rng)
+        self.data: mujoco.MjData = self.truth.scene.new_data()
+        self.hilbert_map = _prior_map(stage, map_settings or MapSettings()) if has_map else None
+        self.prediction: Prediction | None = None
+        self._probe = Probe(self.truth.scene, probe_settings)
+        self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
+        self.sensed: list[int] = []
+        self.skipped: dict[int, SkippedPose] = {}
+
+    def steps(self, n_steps: int, *, until_sensed: float | None = None) -> Iterator[Step]:
+        """Sense until `n_steps` actions are done, `until_sensed` is met, or no pose is left that the arm reaches.
+
+        Args:
+            n_steps: Actions at most.
+            until_sensed: Share of the detection points at which to stop early; None for never.
+        """
+        self._predict()
+        for number in range(1, n_steps + 1):
+            step = self._sense_once(number)
+            if step is None:
+                return
+            yield step
+            if until_sensed is not None and (step.sensed_fraction or 0.0) >= until_sensed:
+                return
+
+    def metrics(self) -> MapMetrics | None:
+        """Scores of the present map against the truth."""
+        return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_tumour)
+
+    def _sense_once(self, number: int) -> Step | None:
+        start_s = perf_counter()
+        chosen, skipped, ik_s = self._choose()
+        planned_s = perf_counter()
+        if chosen is None:
+            return None
+        pose, answer = chosen
+        tip_path_m = self._move_to(pose)
+        reading = self._probe.sense(self.data, self._sensor_rng)
+        self._note_sensed(reading)
+        sensed_s = perf_counter()
+        auprc = self._update(reading)
+        self.sensed.append(pose)
+        return Step(
+            step=number,
+            pose_index=pose,
+            ik=answer,
+            reading=reading,
+            sensed_fraction=float(self._is_sensed.mean()) if self._is_sensed.size else None,
+            auprc=auprc,
+            skipped=tuple(skipped),
+            tip_path_m=tip_path_m,
+            plan_s=planned_s - start_s - ik_s,
+            ik_s=ik_s,
+            sense_s=sensed_s - planned_s,
+            update_s=perf_counter() - sensed_s,
+        )
+
+    def _choose(self) -> tuple[tuple[int, IkResult] | None, list[SkippedPose], float]:
+        """The first pose of the ranking that is reached, those skipped before it, and the seconds spent on IK."""
+        skipped: list[SkippedPose] = []
+        ik_s = 0.0
+        situation = Situation(
+            workspace=self.stage.workspace,
+            cone=self.stage.cone,
+            search_points_m=self.stage.search_points_m,
+            prediction=self.prediction,
+            is_visible=self.stage.is_visible,
+            sensed=tuple(self.sensed),
+            skipped=frozenset(self.skipped),
+            rng=self._planner_rng,
+        )
+        for pose in self.planner.rank(situation):
+            start_s = perf_counter()
+            answer = self.stage.carrier.reach(pose)
+            ik_s += perf_counter() - start_s
+            if answer.is_reached:
+                return (pose, answer), skipped, ik_s
+            self.skipped[pose] = SkippedPose(pose, answer.explain())
+            skipped.append(self.skipped[pose])
+        return None, skipped, ik_s
+
+    def _move_to(self, pose: int) -> NDArray[np.float64]:
+        """Lift from the last pose, go to the stand-off above the next and down; returns where the tip was."""
+        tip_m: list[NDArray[np.float64]] = []
+        last = self.sensed[-1:]
+        stations = [*((at, lifted) for at in last for lifted in (False, True)), (pose, True), (pose, False)]
+        for at, is_lifted in stations:
+            self.stage.carrier.place(self.data, at, is_lifted=is_lifted)
+            tip_m.append(self._probe.tip_pose(self.data)[:3, 3])
+        return np.array(tip_m)
+
+    def _note_sensed(self, reading: Reading) -> None:
+        """Mark the detection points that lie in the cone that was really cast."""
+        T = reading.T_world_probe
+        self._is_sensed |= self.stage.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+
+    def _update(self, reading: Reading) -> float | None:
+        if self.hilbert_map is None:
+            return None
+        self.hilbert_map.update(reading.points_m, reading.is_occupied)
+        self._predict()
+        assert self.prediction is not None
+        return average_precision(self.prediction.score, self.truth.is_tumour)
+
+    def _predict(self) -> None:
+        if self.hilbert_map is not None:
+            self.prediction = self.hilbert_map.predict_lattice()
+
+
+def _prior_map(stage: Stage, settings: MapSettings) -> HilbertMap:
+    return HilbertMap(
+        stage.hinges, settings, query=stage.query, query_mask=stage.is_inside, hinge_mask=stage.hinge_mask
+    )

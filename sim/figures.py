@@ -1,0 +1,138 @@
+"""The curves drawn at the end of a run: progress over the sensing actions, and precision against recall.
+
+Every function goes from arrays to a file and touches no global state of matplotlib. The colours are of Okabe
+and Ito's palette, which the common forms of colour blindness tell apart.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
+
+BLUE = "#0072B2"
+VERMILION = "#D55E00"
+INK = "#222222"
+MUTED = "#767676"
+GRID = "#E6E6E6"
+DPI = 150
+"""Dots per inch of every figure."""
+SENSED_TARGET = 0.95
+"""Share of the tumour volume at which the paper counts the tumours as detected."""
+
+
+def draw_precision_recall(
+    path: Path, *, recall: ArrayLike, precision: ArrayLike, auprc: float | None, prevalence: float
+) -> None:
+    """Writes the precision-recall curve of the final map as a PNG.
+
+    Args:
+        path: The file to write.
+        recall: Recall along the curve, shape (K,).
+        precision: Precision along the curve, shape (K,).
+        auprc: Area under the curve; None without any tumour, when the curve is not defined.
+        prevalence: Share of tumour among the scored points: the precision of an uninformed map.
+    """
+    figure, axes = new_figure(width_in=5.2, height_in=4.6)
+    axes.set(xlabel="recall", ylabel="precision", xlim=(0, 1.02), ylim=(0, 1.02))
+    if auprc is None:
+        _note(axes, "No tumour in this organ:\nprecision and recall are not defined.")
+        title = "Precision and recall of the final map"
+    else:
+        recall, precision = _by_rising_recall(recall, precision)
+        axes.fill_between(recall, precision, step="pre", color=BLUE, alpha=0.12, linewidth=0)
+        axes.plot(recall, precision, drawstyle="steps-pre", color=BLUE, linewidth=2.2)
+        axes.axhline(prevalence, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.2)
+        axes.annotate(
+            f"uninformed map: {prevalence:.2g}",
+            (0.0, prevalence),
+            xytext=(6, 4),
+            textcoords="offset points",
+            color=MUTED,
+            fontsize=9,
+        )
+        title = f"Precision and recall of the final map: area {auprc:.2f}"
+    axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
+    save(figure, path)
+
+
+def draw_progress(path: Path, *, auprc: ArrayLike, sensed_fraction: ArrayLike) -> None:
+    """Writes AUPRC and sensed fraction against the number of sensing actions as a PNG.
+
+    Args:
+        path: The file to write.
+        auprc: AUPRC after each action, shape (T,); NaN where it is not defined.
+        sensed_fraction: Share of the tumour volume sensed after each action, shape (T,); NaN without tumours.
+    """
+    figure, axes = new_figure(width_in=6.8, height_in=4.2)
+    sensed, ranked = (np.asarray(values, dtype=np.float64) for values in (sensed_fraction, auprc))
+    axes.set(xlabel="sensing actions", ylim=(0, 1.02), xlim=(0, max(len(sensed), 1) * 1.02))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_title("Progress of the run", loc="left", fontsize=12, color=INK, pad=12)
+    if np.isfinite(sensed).any():
+        _draw_target(axes)
+        _draw_series(axes, sensed, label="tumour sensed", colour=VERMILION)
+        _draw_series(axes, ranked, label="AUPRC of the map", colour=BLUE)
+        axes.legend(loc="lower right", frameon=False, fontsize=10, labelcolor="linecolor", handlelength=1.4)
+    else:
+        _note(axes, "No tumour in this organ:\nthere is nothing to sense or to rank.")
+    save(figure, path)
+
+
+def new_figure(*, width_in: float, height_in: float) -> tuple[Figure, Axes]:
+    """A figure with one plain pair of axes, in the style of all figures.
+
+    Args:
+        width_in: Width [inch].
+        height_in: Height [inch].
+    """
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_color(MUTED)
+    axes.tick_params(colors=INK, length=3, width=0.8, labelsize=9)
+    axes.grid(color=GRID, linewidth=0.8)
+    axes.set_axisbelow(True)
+    return figure, axes
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure as a PNG whose bytes depend on the picture alone, not on the version that drew it."""
+    figure.savefig(path, dpi=DPI, facecolor="white", metadata={"Software": None})
+
+
+def _by_rising_recall(
+    recall: ArrayLike, precision: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The curve from recall 0 on; the steps of its area hold each precision back to the recall before."""
+    recall, precision = np.asarray(recall, dtype=np.float64), np.asarray(precision, dtype=np.float64)
+    return (recall[::-1], precision[::-1]) if recall[0] > recall[-1] else (recall, precision)
+
+
+def _draw_target(axes: Axes) -> None:
+    axes.axhline(SENSED_TARGET, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.0)
+    axes.annotate(
+        f"{SENSED_TARGET:.0%} sensed",
+        (0, SENSED_TARGET),
+        xytext=(6, -4),
+        textcoords="offset points",
+        va="top",
+        color=MUTED,
+        fontsize=9,
+    )
+
+
+def _draw_series(axes: Axes, values: NDArray[np.float64], *, label: str, colour: str) -> None:
+    actions = np.arange(1, len(values) + 1)
+    axes.plot(actions, values, color=colour, linewidth=2.2, label=label, drawstyle="steps-post")
+    axes.plot(actions[-1:], values[-1:], "o", color=colour, markersize=5, clip_on=False)
+
+
+def _note(axes: Axes, text: str) -> None:
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=MUTED, fontsize=11)

@@ -1,0 +1,120 @@
+"""Frames: a captioned picture per action, compressed on a thread of its own while the episode goes on."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from .episode import Episode, Step
+from .world.rendering import CELL_RGBA, CURRENT_RGBA, SENSED_RGBA, Overlay, SceneRenderer
+from .world.scene import CONE_RGBA, ORGAN_RGBA, TUMOUR_RGBA
+
+LIKELY = 0.5
+"""Cells with a higher probability of tumour are drawn."""
+LEGEND = (
+    ("true tumour", TUMOUR_RGBA),
+    ("likely tumour, by the map", CELL_RGBA),
+    ("sensed cone", CONE_RGBA),
+    ("sensed before", SENSED_RGBA),
+    ("sensed now", CURRENT_RGBA),
+    ("organ", ORGAN_RGBA),
+)
+INK, PAPER = (28, 38, 52), (250, 251, 252)
+PNG_COMPRESSION = 1
+"""zlib's fastest: frames are written in a third of the time for a tenth more bytes."""
+
+
+class FrameWriter:
+    """Draws the states of one episode into a folder; a context manager."""
+
+    def __init__(self, folder: Path, renderer: SceneRenderer, episode: Episode) -> None:
+        """Write to `folder` what `renderer` draws of `episode`."""
+        self._folder, self._renderer, self._episode = folder, renderer, episode
+        self._pool = ThreadPoolExecutor(max_workers=1)
+        self._pending: list[Future[None]] = []
+        self._cell_size_m = float(np.diff(episode.stage.query.axes_m[0]).min())
+
+    def write(self, name: str, step: Step) -> None:
+        """Draw the episode's present state, at the pose of `step`, to `name` in the folder."""
+        pixels = self._renderer.render(self._episode.data, self._overlay(step))
+        caption = _caption(self._episode, step)
+        self._pending = [job for job in self._pending if not job.done() or job.result()]
+        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption))
+
+    def _overlay(self, step: Step) -> Overlay:
+        episode = self._episode
+        workspace = episode.stage.workspace
+        sensed_m = workspace.positions_m[episode.sensed]
+        prediction = episode.prediction
+        cells_m = np.empty((0, 3))
+        if prediction is not None:
+            cells_m = episode.stage.search_points_m[prediction.probability > LIKELY]
+        return Overlay(
+            sensed_m=sensed_m,
+            cells_m=cells_m,
+            cell_size_m=self._cell_size_m,
+            path_m=step.tip_path_m,
+        )
+
+    def close(self) -> None:
+        """Wait until every picture is on the disk.
+
+        Raises:
+            OSError: A picture could not be written.
+        """
+        self._pool.shutdown(wait=True)
+        for job in self._pending:
+            job.result()
+        self._pending.clear()
+
+
+def _caption(episode: Episode, step: Step) -> str:
+    """Scenario, planner, and where the episode stands."""
+    parts = [f"{episode.stage.scenario.name}", f"action {step.step}"]
+    if step.sensed_fraction is not None:
+        parts.append(f"tumour sensed {step.sensed_fraction:.0%}")
+    if step.auprc is not None:
+        parts.append(f"AUPRC {step.auprc:.2f}")
+    return "   ·   ".join(parts)
+
+
+def _save(path: Path, pixels: NDArray[np.uint8], caption: str) -> None:
+    height_px, width_px = pixels.shape[:2]
+    image = Image.fromarray(pixels)
+    legend = _legend(width_px, height_px)
+    image.paste(legend, (0, 0), legend)
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, 0, width_px, 54), fill=PAPER)
+    draw.text((20, 14), caption, font=_font(21), fill=INK)
+    partial = path.with_suffix(".part")
+    image.save(partial, format="PNG", compress_level=PNG_COMPRESSION)
+    partial.replace(path)
+
+
+@lru_cache(maxsize=4)
+def _font(size_px: int) -> ImageFont.FreeTypeFont:
+    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), size_px)
+
+
+@lru_cache(maxsize=4)
+def _legend(width_px: int, height_px: int) -> Image.Image:
+    """The key to the colours, at the lower left, as a transparent layer."""
+    layer = Image.new("RGBA", (width_px, height_px), (0, 0, 0, 0))
+    draw = ImageDraw.Draw(layer)
+    row_px, n = 24, len(LEGEND)
+    top_px = height_px - 18 - row_px * n
+    draw.rounded_rectangle((14, top_px - 8, 260, height_px - 12), radius=8, fill=(255, 255, 255, 200))
+    for i, (label, rgba) in enumerate(LEGEND):
+        y_px = top_px + row_px * i
+        rgb = tuple(round(255 * channel) for channel in rgba[:3])
+        draw.rounded_rectangle(
+            (26, y_px + 3, 42, y_px + 17), radius=4, fill=(*rgb, 255), outline=(90, 98, 110, 255)
+        )
+        draw.text((52, y_px + 1), label, font=_font(15), fill=(*INK, 255))
+    return layer

@@ -1,0 +1,169 @@
+"""The final map seen from above and from the side, as in the paper's figures.
+
+Each view is a projection: the highest probability along the line of sight, the silhouettes of the organ and
+of the true tumours, and the poses that were sensed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from .figures import BLUE, INK, MUTED, new_figure, save
+from .silhouettes import Raster, extended_to_all, lattice_silhouette, mesh_silhouette
+
+View = Literal["top", "side"]
+
+_AXES_OF_VIEW: dict[View, tuple[int, int, int]] = {"top": (0, 1, 2), "side": (0, 2, 1)}
+"""For each view the world axes drawn across and up, and the line of sight."""
+_MM_PER_M = 1e3
+_MOST_NUMBERED_POSES = 60
+"""With more poses than this, their numbers would cover the map."""
+_COLOURS = LinearSegmentedColormap.from_list(
+    "likely", ["#F7F4EE", "#FBE3A8", "#F5B041", "#D9642C", "#8E1F3F", "#3B0F3F"]
+)
+"""From near white (surely free) over amber to dark (surely tumour): the lightness alone tells the value."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MapPicture:
+    """What the views of a map show."""
+
+    axes_m: Sequence[NDArray[np.float64]]
+    """The lattice's coordinates along x, y and z [m, world], of lengths (X, Y, Z)."""
+    probability: NDArray[np.float64]
+    """Probability of tumour, shape (X, Y, Z); what lies outside the organ is not looked at and may be NaN."""
+    is_tumour: NDArray[np.bool_]
+    """The truth at the lattice points, shape (X, Y, Z)."""
+    is_inside: NDArray[np.bool_]
+    """Which lattice points lie in the organ, shape (X, Y, Z)."""
+    poses_m: NDArray[np.float64]
+    """Positions of the sensing actions [m, world], in order, shape (T, 3)."""
+    organ_triangles_m: NDArray[np.float64] | None = None
+    """Triangles of the organ's surface [m, world], shape (F, 3, 3), for an exact outline; else None."""
+    tumour_triangles_m: NDArray[np.float64] | None = None
+    """Triangles of all tumours [m, world], shape (F, 3, 3), for exact outlines; else None."""
+
+    def __post_init__(self) -> None:
+        """Check that all arrays describe one lattice."""
+        shape = tuple(len(axis) for axis in self.axes_m)
+        for name in ("probability", "is_tumour", "is_inside"):
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}, but the axes span {shape}")
+        if min(shape) < 2 or not self.is_inside.any():
+            raise ValueError(
+                f"a map's picture needs 2 points or more along each axis, some in the organ; got {shape}"
+            )
+
+
+def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
+    """Writes one view of the final map as a PNG.
+
+    Args:
+        path: The file to write.
+        picture: The map, the truth, the organ and the poses.
+        view: `top` looks down the z axis, `side` along the y axis.
+    """
+    across, up, sight = _AXES_OF_VIEW[view]
+    raster = Raster.around(picture.axes_m[across], picture.axes_m[up])
+    organ = _silhouette(raster, picture.is_inside, picture.organ_triangles_m, view=view, smoothing_cells=1.0)
+    tumour = _silhouette(
+        raster, picture.is_tumour, picture.tumour_triangles_m, view=view, smoothing_cells=0.5
+    )
+    likely = extended_to_all(highest_along(picture, sight), np.asarray(picture.is_inside.any(axis=sight)))
+    left, right, bottom, top = raster.edges_m
+    figure, axes = new_figure(
+        width_in=7.6, height_in=float(np.clip(5.6 * (top - bottom) / (right - left) + 1.7, 3.4, 9.0))
+    )
+    image = axes.imshow(
+        np.where(organ > 0.0, raster.interpolate(likely), np.nan).T,
+        origin="lower",
+        extent=(left * _MM_PER_M, right * _MM_PER_M, bottom * _MM_PER_M, top * _MM_PER_M),
+        cmap=_COLOURS,
+        vmin=0.0,
+        vmax=1.0,
+        interpolation="bilinear",
+    )
+    _draw_outline(axes, raster, organ, colour=MUTED, line="solid")
+    _draw_outline(axes, raster, tumour, colour=INK, line="dashed")
+    _draw_poses(axes, picture.poses_m[:, [across, up]] * _MM_PER_M)
+    axes.set(xlabel=f"{'xyz'[across]} [mm]", ylabel=f"{'xyz'[up]} [mm]", aspect="equal")
+    axes.grid(visible=False)
+    axes.set_title(_title(view, len(picture.poses_m)), loc="left", fontsize=12, color=INK, pad=10)
+    colourbar = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, aspect=24)
+    colourbar.set_label("highest probability of tumour", fontsize=9, color=INK)
+    colourbar.ax.tick_params(labelsize=9, length=0)
+    _draw_legend(figure)
+    save(figure, path)
+
+
+def highest_along(picture: MapPicture, axis: int) -> NDArray[np.float64]:
+    """The highest probability inside the organ along an axis, a 2D array; 0 where the line misses it."""
+    return np.where(picture.is_inside, picture.probability, 0.0).max(axis=axis)
+
+
+def _silhouette(
+    raster: Raster,
+    mask: NDArray[np.bool_],
+    triangles_m: NDArray[np.float64] | None,
+    *,
+    view: View,
+    smoothing_cells: float,
+) -> NDArray[np.float64]:
+    """Positive inside the silhouette, negative outside: from the triangles if given, else from the mask."""
+    across, up, sight = _AXES_OF_VIEW[view]
+    if triangles_m is not None:
+        return mesh_silhouette(raster, triangles_m[:, :, [across, up]])
+    return raster.interpolate(lattice_silhouette(np.asarray(mask.any(axis=sight)), smoothing_cells))
+
+
+def _draw_outline(
+    axes: Axes,
+    raster: Raster,
+    silhouette: NDArray[np.float64],
+    *,
+    colour: str,
+    line: Literal["solid", "dashed"],
+) -> None:
+    if silhouette.max() <= 0.0:
+        return  # nothing to outline: an organ without tumours
+    across_m, up_m = raster.centres_m
+    contour = axes.contour(
+        across_m * _MM_PER_M, up_m * _MM_PER_M, silhouette.T, [0.0], colors=[colour], linestyles=[line]
+    )
+    contour.set(linewidth=1.5, path_effects=[withStroke(linewidth=3.0, foreground="white", alpha=0.8)])
+
+
+def _draw_poses(axes: Axes, poses_mm: NDArray[np.float64]) -> None:
+    is_numbered = len(poses_mm) <= _MOST_NUMBERED_POSES
+    size = 10.5 if is_numbered else 5.0
+    for index, (across_mm, up_mm) in enumerate(poses_mm):
+        style = {"markersize": size, "markeredgecolor": "white", "markeredgewidth": 0.8, "clip_on": False}
+        axes.plot([across_mm], [up_mm], "o", color=BLUE, zorder=5 + index, **style)
+        if is_numbered:
+            text = {"fontsize": 6, "ha": "center", "va": "center_baseline", "zorder": 5 + index}
+            axes.text(across_mm, up_mm, str(index + 1), color="white", **text)
+
+
+def _draw_legend(figure: Figure) -> None:
+    handles = [
+        Line2D([], [], color=MUTED, linewidth=1.5, label="organ"),
+        Line2D([], [], color=INK, linewidth=1.5, linestyle="dashed", label="true tumours"),
+        Line2D(
+            [], [], color=BLUE, linestyle="none", marker="o", markersize=7, label="sensing poses, in order"
+        ),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+
+
+def _title(view: View, n_poses: int) -> str:
+    seen = {"top": "The map from above", "side": "The map from the side"}[view]
+    return f"{seen}, after {n_poses} sensing {'action' if n_poses == 1 else 'actions'}"

@@ -1,0 +1,139 @@
+"""What can be asked for on the command line: pure data, in the units people type."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from mapping import MapSettings
+from planner import Planner, make_planner, planner_names
+
+from .errors import UsageError
+from .scenarios import Scenario, Unit, load_scenario
+
+Frames = Literal["each", "last", "none"]
+PLANNERS = ", ".join(planner_names())
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeOptions:
+    """Run one headless episode: sense, map, plan, move, until the steps are used up.
+
+    Writes config.json, manifest.json, steps.csv, states.csv, summary.json, map.npz, figures and frames to the output
+    folder as it goes; stopping it at any moment keeps what was done.
+    """
+
+    scenario: str = "liver"
+    """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, or the path of a scenario .toml."""
+    planner: str = "expected-improvement"
+    """Which planner chooses the next pose: expected-improvement (the paper's), random, multi-resolution."""
+    steps: int = 30
+    """Sensing actions at most, from 1 to 14400."""
+    until_sensed: float | None = None
+    """Stop as soon as this share of the tumours was sensed, for example 0.95."""
+    seed: int = 0
+    """Seed of everything random. Planners given one seed face the same tumours."""
+    arm: str = "default"
+    """default (the embedded 7-joint arm), none (a free-flying probe), or the path of any MJCF arm."""
+    flange: str = "flange"
+    """Site of the arm that carries the probe."""
+    organ: Path | None = None
+    """Replace the scenario's organ by this mesh (STL, OBJ, PLY)."""
+    tumour: tuple[Path, ...] = ()
+    """Meshes of the true tumours in the organ's coordinates. With --organ and none of these there is no tumour."""
+    unit: Unit = "mm"
+    """Unit of the --organ and --tumour files."""
+    frames: Frames = "none"
+    """Pictures of the scene: each (one per action), last (the final one), none."""
+    out: Path | None = None
+    """Folder to write to; renders/<scenario>-<planner>-<seed> by default."""
+    overwrite: bool = False
+    """Replace a run that the folder already holds."""
+    cone_half_angle_deg: float | None = None
+    """Half-angle of the probe's cone [degrees]; the scenario's by default: 11.5, for the liver 15."""
+    cone_depth_mm: float | None = None
+    """Depth of the probe's cone [mm]; the scenario's by default: 102, for the liver 130."""
+    map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
+    """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
+    prior_prevalence: float = 0.5
+    """Share of the organ expected to be tumour before anything is sensed. 0.5 is the paper's, under which expected
+    improvement explores; a few per cent, near the truth, make a better calibrated map."""
+    weight_variance: float | None = None
+    """Prior variance of each of the map's weights; the paper only says that it is high."""
+    em_iterations: int | None = None
+    """Rounds of the variational bound within one reading."""
+    ei_values: Literal["latent", "probability"] = "latent"
+    """Expected improvement of the map's latent or of its probability."""
+    ei_pose_rule: Literal["best-aligned", "first-within-threshold"] = "best-aligned"
+    """Which pose looks at the point of highest expected improvement."""
+    ei_threshold_deg: float = 5.0
+    """Largest misalignment for first-within-threshold [degrees]."""
+    ei_exclusion_share: float = 0.28
+    """Poses nearer to a sensed one than this share of the radius of the cone's base are chosen last."""
+    ei_reuse_poses: bool = False
+    """Let expected improvement return to poses that were sensed already."""
+
+    def __post_init__(self) -> None:
+        """Validate what the parts below do not."""
+        if not 1 <= self.steps <= 14_400:
+            raise UsageError(f"--steps {self.steps}: from 1 to 14400.")
+        if self.until_sensed is not None and not 0.0 < self.until_sensed <= 1.0:
+            raise UsageError(f"--until-sensed {self.until_sensed}: above 0 and at most 1.")
+        if self.seed < 0:
+            raise UsageError(f"--seed {self.seed}: 0 or more.")
+        if self.planner not in planner_names():
+            raise UsageError(f"--planner {self.planner}: choose one of {PLANNERS}.")
+        if self.tumour and self.organ is None:
+            raise UsageError("--tumour goes with --organ, in whose coordinates the tumours lie.")
+
+    def make_scenario(self) -> Scenario:
+        """The scenario with what the command line changes about it."""
+        scenario = load_scenario(self.scenario)
+        changes: dict[str, Any] = {}
+        if self.cone_half_angle_deg is not None:
+            changes["cone_half_angle_rad"] = math.radians(self.cone_half_angle_deg)
+        if self.cone_depth_mm is not None:
+            changes["cone_depth_m"] = self.cone_depth_mm * 1e-3
+        if self.organ is not None:
+            changes |= {
+                "name": self.organ.stem,
+                "organ": str(self.organ),
+                "organ_unit": self.unit,
+                "tumour_files": tuple(str(file) for file in self.tumour),
+                "n_tumours": 0,
+            }
+        return dataclasses.replace(scenario, **changes)
+
+    def make_planner(self) -> Planner:
+        """The planner with its options."""
+        if self.planner != "expected-improvement":
+            return make_planner(self.planner)
+        return make_planner(
+            self.planner,
+            values=self.ei_values,
+            pose_rule=self.ei_pose_rule,
+            threshold_rad=math.radians(self.ei_threshold_deg),
+            exclusion_share=self.ei_exclusion_share,
+            exclude_sensed=not self.ei_reuse_poses,
+        )
+
+    def make_map_settings(self) -> MapSettings:
+        """The map's settings."""
+        changes: dict[str, Any] = {"form": self.map_form, "prior_prevalence": self.prior_prevalence}
+        if self.weight_variance is not None:
+            changes["weight_variance"] = self.weight_variance
+        if self.em_iterations is not None:
+            changes["n_em_iterations"] = self.em_iterations
+        try:
+            return MapSettings(**changes)
+        except ValueError as error:
+            raise UsageError(f"{error}.") from error
+
+    def out_folder(self, scenario: Scenario) -> Path:
+        """The folder asked for, or the one that names scenario, planner and seed."""
+        return self.out or Path("renders") / f"{scenario.name}-{self.planner}-{self.seed}"

@@ -1,0 +1,149 @@
+"""Scenarios: which organ, which tumours, which probe and which lattices an episode runs on."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from .errors import UsageError
+
+TumourShape = Literal["sphere", "lobulated"]
+Unit = Literal["mm", "m"]
+PAPER_ORGAN = "paper-organ"
+LIVER = "liver"
+PAPER_UNIT_M = 0.03
+"""One unit of length of the paper; see docs/architecture.md."""
+
+
+def _require(holds: bool, text: str) -> None:
+    if not holds:
+        raise UsageError(text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """Everything about the case at hand; SI units. Any field can be set in a scenario's TOML file."""
+
+    name: str = "scenario"
+    """Name under which results are kept."""
+    organ: str = LIVER
+    """`liver` (the embedded one), `paper-organ` (the paper's synthetic surface), or the path of a mesh."""
+    organ_unit: Unit = "mm"
+    """Unit of mesh files: of `organ` and of `tumour_files` alike."""
+    tumour_files: tuple[str, ...] = ()
+    """Meshes of the true tumours, in the organ's coordinates. None: tumours are planted by seed."""
+    n_tumours: int = 3
+    """Tumours to plant where no files are given; 0 is allowed."""
+    tumour_shape: TumourShape = "lobulated"
+    """Planted tumours are `sphere`s of one radius or `lobulated` shapes of many sizes."""
+    tumour_radius_m: float = 0.4 * PAPER_UNIT_M
+    """Radius of planted spheres [m]."""
+    tumour_diameter_range_m: tuple[float, float] = (0.008, 0.040)
+    """Range of the diameters of planted lobulated tumours [m]."""
+    cone_half_angle_rad: float = math.radians(11.5)
+    """Half-angle of the sensed cone [rad]."""
+    cone_depth_m: float = 3.4 * PAPER_UNIT_M
+    """Depth of the sensed cone along its axis [m]."""
+    n_poses: int = 5000
+    """Sensing poses on the organ's upper surface; the paper's organ has its own 14,400."""
+    score_spacing_m: float = 0.003
+    """Spacing of the lattice on which the map is queried and scored [m]; the paper's organ has its own."""
+    organ_position_m: tuple[float, float, float] | None = None
+    """Where the organ's own origin lies in the world [m]; by default the organ is laid on the table."""
+    organ_quaternion: tuple[float, float, float, float] | None = None
+    """Orientation of the organ's axes in the world (wxyz), together with `organ_position_m`."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        for name in ("n_tumours", "n_poses"):
+            value = getattr(self, name)
+            _require(type(value) is int, f"{name}={value!r}: a whole number.")
+        for name in ("tumour_radius_m", "cone_half_angle_rad", "cone_depth_m", "score_spacing_m"):
+            value = getattr(self, name)
+            _require(type(value) in (int, float), f"{name}={value!r}: a number.")
+        _require(0 <= self.n_tumours <= 50, f"n_tumours={self.n_tumours}: from 0 to 50.")
+        _require(
+            self.tumour_shape in get_args(TumourShape),
+            f"tumour_shape={self.tumour_shape!r}: sphere or lobulated.",
+        )
+        _require(self.organ_unit in get_args(Unit), f"organ_unit={self.organ_unit!r}: mm or m.")
+        _require(
+            0.001 <= self.tumour_radius_m <= 0.1,
+            f"tumour_radius_m={self.tumour_radius_m}: from 0.001 to 0.1 m.",
+        )
+        low_m, high_m = self.tumour_diameter_range_m
+        _require(
+            0.002 <= low_m <= high_m <= 0.2,
+            f"tumour_diameter_range_m={self.tumour_diameter_range_m}: two rising lengths from 0.002 to 0.2 m.",
+        )
+        half_angle_deg = math.degrees(self.cone_half_angle_rad)
+        _require(
+            1.0 <= half_angle_deg <= 80.0,
+            f"cone half-angle {half_angle_deg:.3g} degrees: from 1 to 80 degrees.",
+        )
+        _require(0.005 <= self.cone_depth_m <= 1.0, f"cone_depth_m={self.cone_depth_m}: from 0.005 to 1 m.")
+        _require(50 <= self.n_poses <= 100_000, f"n_poses={self.n_poses}: from 50 to 100000.")
+        _require(
+            0.001 <= self.score_spacing_m <= 0.02, f"score_spacing_m={self.score_spacing_m}: 0.001 to 0.02 m."
+        )
+        if (self.organ_position_m is None) != (self.organ_quaternion is None):
+            raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
+
+
+SCENARIOS: dict[str, Scenario] = {
+    "sphere": Scenario(name="sphere", organ=PAPER_ORGAN, n_tumours=1, tumour_shape="sphere"),
+    "spheres": Scenario(name="spheres", organ=PAPER_ORGAN, n_tumours=3, tumour_shape="sphere"),
+    "liver": Scenario(name="liver", cone_half_angle_rad=math.radians(15.0), cone_depth_m=0.13),
+}
+"""The paper's scenario 1 and 2 and, in place of its LiTS case, the embedded liver.
+
+The paper does not state its cone. For the synthetic organ it is pinned down by the baselines; for the liver it is that
+of an abdominal probe, 130 mm deep and 70 mm wide at that depth.
+"""
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """The scenario of that name, or the one that a TOML file describes.
+
+    A file holds fields of `Scenario`, and may start from a named one with `base = "sphere"`. Relative mesh paths are
+    relative to the file.
+
+    Raises:
+        UsageError: An unknown name, an unreadable file, an unknown key or a value out of range.
+    """
+    if name_or_path in SCENARIOS:
+        return SCENARIOS[name_or_path]
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        raise UsageError(f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file.")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path}: cannot read this scenario file: {error.strerror}.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: not a valid TOML file: {error}") from error
+    return _from_table(path, table)
+
+
+def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
+    base = table.pop("base", None)
+    if base is not None and base not in SCENARIOS:
+        raise UsageError(f"{path}: base = {base!r}: not one of {', '.join(SCENARIOS)}.")
+    known = {field.name: field for field in dataclasses.fields(Scenario)}
+    for key in table:
+        if key not in known:
+            raise UsageError(f"{path}: unknown key {key!r}. Known keys: base, {', '.join(known)}.")
+    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    values.setdefault("name", path.stem)
+    if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN):
+        values["organ"] = str(path.parent / str(values["organ"]))
+    if "tumour_files" in values:
+        values["tumour_files"] = tuple(str(path.parent / file) for file in values["tumour_files"])
+    try:
+        return dataclasses.replace(SCENARIOS[base] if base else Scenario(), **values)
+    except (TypeError, UsageError) as error:
+        raise UsageError(f"{path}: {error}") from error

@@ -1,0 +1,160 @@
+"""The stage: all of a scenario that is the same for every seed, built once and shared by its episodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping import Lattice, MapSettings
+from planner import Cone, Workspace, visible_points
+
+from .carrier import ArmCarrier, Carrier, FreeCarrier
+from .scenarios import LIVER, PAPER_ORGAN, Scenario
+from .world.anatomy import build_anatomy
+from .world.arm import MODELS_DIR, ArmModel
+from .world.distance_grid import DistanceGrid
+from .world.meshes import load_mesh
+from .world.paper_organ import paper_organ
+from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
+from .world.scene import Scene, build_scene
+from .world.solid import Solid
+from .world.surface import SensingSurface, upper_surface_workspace
+
+GRID_MARGIN_M = 0.002
+"""The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
+HINGE_REACH = 2.0
+"""Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
+PAPER_QUERY = (22, 22, 13)
+"""The paper's 6,292 query points on the box of its synthetic organ; the hinges there are 17 x 17 x 10."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stage:
+    """An organ in place, its workspace, its lattices, and what carries the probe."""
+
+    scenario: Scenario
+    organ: Solid
+    """World frame [m]."""
+    given_tumours: tuple[Solid, ...]
+    """Tumours that the scenario names by file, world frame [m]; empty where they are planted."""
+    T_world_organ: NDArray[np.float64]
+    """Maps the organ file's coordinates [m] to the world, shape (4, 4)."""
+    workspace: Workspace
+    cone: Cone
+    arm: ArmModel | None
+    scene: Scene
+    """The scene without tumours."""
+    carrier: Carrier
+    hinges: Lattice
+    hinge_mask: NDArray[np.bool_]
+    query: Lattice
+    """The lattice on which the map is queried and scored."""
+    is_inside: NDArray[np.bool_]
+    """Which points of `query` lie inside the organ, shape (query.n_points,)."""
+    search_points_m: NDArray[np.float64]
+    """Those points, the search space of the planners, shape (M, 3) [m]."""
+    is_visible: NDArray[np.bool_]
+    """Which of the search points some pose of the workspace sees, shape (M,)."""
+    notices: tuple[str, ...] = ()
+    """What was repaired or is unusual about the files."""
+
+
+def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Stage:
+    """Load and place the organ and everything that depends on it alone.
+
+    Args:
+        scenario: The case.
+        arm: What carries the probe; None for a free-flying one.
+        map_settings: Gives the spacing of the hinges.
+
+    Raises:
+        WorldError: A mesh or an arm that cannot be used.
+    """
+    placed, notices = _placed(scenario)
+    organ = placed.organ
+    workspace = _workspace(scenario, placed)
+    cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+    empty = build_anatomy(organ, name=scenario.name, rng=np.random.default_rng(0))
+    scene = build_scene(empty, cone, arm=arm)
+    reach_m = HINGE_REACH * map_settings.hinge_spacing_m
+    organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
+    carrier = FreeCarrier(scene, workspace) if arm is None else ArmCarrier(scene, workspace, organ_distance)
+    hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
+    is_inside = organ.contains(query.points_m())
+    search_points_m = query.points_m()[is_inside]
+    return Stage(
+        scenario=scenario,
+        organ=organ,
+        given_tumours=placed.tumours,
+        T_world_organ=placed.T_world_organ,
+        workspace=workspace,
+        cone=cone,
+        arm=arm,
+        scene=scene,
+        carrier=carrier,
+        hinges=hinges,
+        hinge_mask=_hinge_mask(scenario, organ_distance, hinges, reach_m),
+        query=query,
+        is_inside=is_inside,
+        search_points_m=search_points_m,
+        is_visible=visible_points(workspace, cone, search_points_m),
+        notices=notices,
+    )
+
+
+def _hinge_mask(
+    scenario: Scenario, organ_distance: DistanceGrid, hinges: Lattice, reach_m: float
+) -> NDArray[np.bool_]:
+    """Hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
+    if scenario.organ == PAPER_ORGAN:
+        return np.ones(hinges.n_points, dtype=bool)
+    return organ_distance.distance_m(hinges.points_m()) <= reach_m
+
+
+def _placed(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
+    """Organ and given tumours in the world, and the notices of their files."""
+    if scenario.organ == PAPER_ORGAN:
+        organ, notices = paper_organ().solid, []
+    else:
+        path = MODELS_DIR / "liver.stl" if scenario.organ == LIVER else Path(scenario.organ)
+        loaded = load_mesh(path, "mm" if scenario.organ == LIVER else scenario.organ_unit)
+        organ, notices = Solid.from_trimesh(loaded.mesh), list(loaded.notices)
+    tumours: tuple[Solid, ...] = ()
+    for file in scenario.tumour_files:
+        loaded = load_mesh(Path(file), scenario.organ_unit, role="tumour")
+        tumours += (Solid.from_trimesh(loaded.mesh),)
+        notices += loaded.notices
+    return _put_in_world(scenario, organ, tumours), tuple(notices)
+
+
+def _put_in_world(scenario: Scenario, organ: Solid, tumours: tuple[Solid, ...]) -> PlacedOrgan:
+    if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
+        T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
+        return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
+    if scenario.organ == PAPER_ORGAN:  # its axes are the world's already: z is up
+        return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
+    return lay_on_table(organ, tumours)
+
+
+def _workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
+    if scenario.organ == PAPER_ORGAN:
+        surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
+    else:
+        surface = upper_surface_workspace(placed.organ, scenario.n_poses, rng=np.random.default_rng(0))
+    return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+
+
+def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:
+    """Hinges at a fixed spacing, reaching beyond the organ, and the query lattice over the organ."""
+    low_m, high_m = placed.organ.bounds_m
+    if scenario.organ == PAPER_ORGAN and np.allclose(placed.T_world_organ[:3, :3], np.eye(3)):
+        paper, shift_m = paper_organ(), placed.T_world_organ[:3, 3]
+        low_m, high_m = paper.box_low_m + shift_m, paper.box_high_m + shift_m
+        query = Lattice.from_counts(low_m, high_m, counts=PAPER_QUERY)
+        return Lattice.from_box(low_m, high_m, spacing_m=hinge_spacing_m), query
+    around_m = HINGE_REACH * hinge_spacing_m
+    hinges = Lattice.from_box(low_m - around_m, high_m + around_m, spacing_m=hinge_spacing_m)
+    return hinges, Lattice.from_box(low_m, high_m, spacing_m=scenario.score_spacing_m)

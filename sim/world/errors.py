@@ -1,0 +1,25 @@
+"""The errors of the world: each names the file or value at fault and the remedy, in a sentence or two."""
+
+
+class WorldError(ValueError):
+    """Base of every error that the world raises on its inputs."""
+
+
+class MeshError(WorldError):
+    """A mesh that cannot serve as a closed solid: unreadable, empty, open or of the wrong size."""
+
+
+class AnatomyError(WorldError):
+    """Organ and tumours that do not fit together."""
+
+
+class PlacementError(WorldError):
+    """A pose that is not a rigid motion."""
+
+
+class PlantingError(WorldError):
+    """No place was found for a tumour."""
+
+
+class GeneratorError(WorldError):
+    """A liver that the generator could not make."""

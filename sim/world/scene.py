@@ -1,0 +1,177 @@
+"""The scene: arm, probe, table, organ, tumours and cone composed into one MuJoCo model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from planner import Cone
+
+from .anatomy import Anatomy
+from .arm import MODELS_DIR, ArmModel
+from .solid import Solid
+
+ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
+TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
+CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
+MIN_MESH_EXTENT_M = 1e-4
+"""Tumours thinner than this have no volume that MuJoCo could integrate."""
+
+
+class Group(IntEnum):
+    """Geom groups, so that a ray or a picture asks only for what it wants."""
+
+    TABLE = 0
+    ARM = 2
+    ARM_COLLISION = 3
+    ORGAN = 4
+    TUMOUR = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A compiled world. `model` is shared; every user makes its own `MjData`."""
+
+    model: mujoco.MjModel
+    anatomy: Anatomy
+    cone: Cone
+    home_q: NDArray[np.float64]
+    """Joint positions at rest, shape (n_joints,); empty for a free-flying probe."""
+    tip_site: str = "probe_tip"
+    free_probe: bool = False
+    """True where no arm carries the probe: its body is then a mocap body."""
+    arm_geoms: frozenset[int] = field(default_factory=frozenset)
+    """Geom ids of arm and probe that can collide."""
+
+    def new_data(self) -> mujoco.MjData:
+        """A fresh state with the arm at home."""
+        data = mujoco.MjData(self.model)
+        if self.home_q.size:
+            data.qpos[: self.home_q.size] = self.home_q
+        mujoco.mj_forward(self.model, data)
+        return data
+
+
+def build_scene(
+    anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None, T_world_base: NDArray[np.float64] | None = None
+) -> Scene:
+    """Compose the world.
+
+    Args:
+        anatomy: Organ and tumours in world coordinates [m].
+        cone: The sensed volume; drawn as a translucent cone at the probe's tip.
+        arm: The arm, or None for a probe that flies freely.
+        T_world_base: Where the arm's base stands, shape (4, 4); the origin by default.
+
+    Raises:
+        ArmError: The arm cannot be used; see `ArmModel.load`.
+    """
+    spec = mujoco.MjSpec.from_file(str(MODELS_DIR / "table.xml"))
+    spec.modelname = "sounding"
+    spec.visual.map.znear = 0.01
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1440
+    spec.visual.quality.offsamples = 4
+    spec.visual.headlight.ambient = [0.38, 0.38, 0.38]
+    spec.visual.headlight.diffuse = [0.30, 0.30, 0.30]
+    probe = mujoco.MjSpec.from_file(str(MODELS_DIR / "probe.xml"))
+    home_q = _attach(spec, probe, arm, np.eye(4) if T_world_base is None else T_world_base)
+    _add_solid(spec, "organ", anatomy.organ, ORGAN_RGBA, Group.ORGAN)
+    for index, tumour in enumerate(anatomy.tumours):
+        _add_solid(spec, f"tumour{index}", tumour, TUMOUR_RGBA, Group.TUMOUR)
+    _add_cone(spec, cone)
+    model = spec.compile()
+    return Scene(
+        model=model,
+        anatomy=anatomy,
+        cone=cone,
+        home_q=home_q,
+        free_probe=arm is None,
+        arm_geoms=_collision_geoms(model),
+    )
+
+
+def _attach(
+    spec: mujoco.MjSpec, probe: mujoco.MjSpec, arm: ArmModel | None, T_world_base: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Attach the arm and the probe at its flange (or a mocap probe); returns the home configuration."""
+    if arm is None:
+        probe.body("probe").mocap = True
+        spec.attach(probe, prefix="probe_", frame=spec.worldbody.add_frame())
+        return np.empty(0)
+    arm_spec, home_q = arm.load()
+    for geom in arm_spec.geoms:
+        if geom.group in (Group.ORGAN, Group.TUMOUR):  # those groups are what rays ask for
+            geom.group = int(Group.ARM)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T_world_base[:3, :3]).ravel())
+    base = spec.worldbody.add_frame(pos=T_world_base[:3, 3], quat=quat)
+    spec.option.integrator = arm_spec.option.integrator
+    spec.option.timestep = arm_spec.option.timestep
+    spec.attach(arm_spec, prefix="arm_", frame=base)
+    spec.attach(probe, prefix="probe_", site=spec.site(f"arm_{arm.flange}"))
+    _exclude_neighbours(spec, f"arm_{arm.flange}")
+    return home_q
+
+
+def _exclude_neighbours(spec: mujoco.MjSpec, flange: str) -> None:
+    """Exclude contacts that rigid neighbours always have: probe with the last two links, base with table."""
+    last = spec.site(flange).parent
+    spec.add_exclude(bodyname1="probe_probe", bodyname2=last.name)
+    above = last.parent
+    if above is not None and above.name not in ("world", ""):
+        spec.add_exclude(bodyname1="probe_probe", bodyname2=above.name)
+    base = next((body for body in spec.bodies if body.name.startswith("arm_")), None)
+    if base is not None:
+        spec.add_exclude(bodyname1="table", bodyname2=base.name)
+
+
+def _add_solid(
+    spec: mujoco.MjSpec, name: str, solid: Solid, rgba: tuple[float, float, float, float], group: Group
+) -> None:
+    """Add a closed mesh, seen by rays and the camera; contacts with it are decided on its true surface."""
+    spec.add_mesh(name=name, uservert=solid.vertices_m.ravel(), userface=solid.faces.ravel())
+    spec.worldbody.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=name,
+        rgba=rgba,
+        group=int(group),
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+    )
+
+
+def _add_cone(spec: mujoco.MjSpec, cone: Cone, n_sides: int = 48) -> None:
+    """Add the cone at the tip as a mesh site: sites are drawn, and rays never hit them."""
+    turn = np.linspace(0.0, 2.0 * np.pi, n_sides, endpoint=False)
+    radius_m = cone.depth_m * np.tan(cone.half_angle_rad)
+    rim = np.column_stack([radius_m * np.cos(turn), radius_m * np.sin(turn), np.full(n_sides, cone.depth_m)])
+    vertices_m = np.vstack([[0.0, 0.0, 0.0], [0.0, 0.0, cone.depth_m], rim])
+    i, j = np.arange(n_sides) + 2, (np.arange(n_sides) + 1) % n_sides + 2
+    side, base = np.column_stack([0 * i, j, i]), np.column_stack([0 * i + 1, i, j])
+    spec.add_mesh(name="cone", uservert=vertices_m.ravel(), userface=np.vstack([side, base]).ravel())
+    tip = spec.site("probe_tip")
+    tip.parent.add_site(
+        name="cone",
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname="cone",
+        pos=tip.pos,
+        quat=tip.quat,
+        rgba=CONE_RGBA,
+        group=0,
+    )
+
+
+def _collision_geoms(model: mujoco.MjModel) -> frozenset[int]:
+    """Ids of the geoms of arm and probe that take part in collisions."""
+    return frozenset(
+        i
+        for i in range(model.ngeom)
+        if model.body(model.geom_bodyid[i]).name.startswith(("arm_", "probe_"))
+        and (model.geom_contype[i] or model.geom_conaffinity[i])
+    )

@@ -1,0 +1,64 @@
+"""Worlds that many tests share; each is built once."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from mapping import MapSettings
+from planner import Cone
+from sim.scenarios import SCENARIOS
+from sim.stage import Stage, build_stage
+from sim.world.anatomy import Anatomy, build_anatomy
+from sim.world.arm import ArmModel
+from sim.world.solid import Solid
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def livers_dir() -> Path:
+    """Folder of real organs, for development only."""
+    folder = Path(os.environ.get("SOUNDING_DATA", ROOT.parent / "shared" / "data")) / "livers"
+    if not folder.is_dir():
+        pytest.skip(f"real organs are not at {folder}; set SOUNDING_DATA to the folder that holds livers/")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def cone() -> Cone:
+    return Cone(np.deg2rad(11.5), 0.102)
+
+
+@pytest.fixture(scope="session")
+def ball_anatomy() -> Anatomy:
+    """A ball of 60 mm radius before the arm, with a tumour and another nested in it."""
+    centre_m = np.array([0.5, 0.0, 0.06])
+
+    def ball(radius_m: float, offset_m: tuple[float, float, float]) -> Solid:
+        mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius_m)
+        mesh.apply_translation(centre_m + offset_m)
+        return Solid.from_trimesh(mesh)
+
+    tumours = (
+        ball(0.015, (0.0, 0.0, 0.02)),
+        ball(0.008, (0.002, 0.0, 0.02)),
+        ball(0.012, (0.012, 0.0, 0.015)),
+    )
+    return build_anatomy(ball(0.06, (0.0, 0.0, 0.0)), tumours, name="ball", rng=np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def sphere_stage() -> Stage:
+    """The paper's scenario 1 with a free-flying probe."""
+    return build_stage(SCENARIOS["sphere"], None, MapSettings())
+
+
+@pytest.fixture(scope="session")
+def sphere_arm_stage() -> Stage:
+    """The paper's scenario 1 with the embedded arm."""
+    return build_stage(SCENARIOS["sphere"], ArmModel(), MapSettings())

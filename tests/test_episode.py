@@ -1,0 +1,139 @@
+"""The loop: laws that every episode obeys, whatever the planner."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mapping import MapSettings
+from planner import Planner, make_planner
+from sim.carrier import Carrier
+from sim.episode import Episode
+from sim.stage import Stage
+from sim.world.kinematics import IkResult, IkStatus
+
+PAPER_MAP = MapSettings(prior_prevalence=0.5)
+
+
+def run(stage: Stage, planner: Planner, *, seed: int = 0, n: int = 5, **more) -> tuple[Episode, list]:
+    episode = Episode(stage, planner, seed=seed, map_settings=PAPER_MAP, **more)
+    return episode, list(episode.steps(n))
+
+
+def test_the_stage_is_the_papers(sphere_stage) -> None:
+    assert sphere_stage.workspace.n_poses == 14_400
+    assert int(sphere_stage.hinge_mask.sum()) == 2_890
+    assert sphere_stage.query.n_points == 6_292
+    assert sphere_stage.organ.contains(sphere_stage.search_points_m).all()
+    low_m, high_m = sphere_stage.organ.bounds_m
+    np.testing.assert_allclose((low_m + high_m)[:2] / 2, [0.5, 0.0], atol=1e-9)
+    assert low_m[2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_sensed_fraction_never_falls_and_equals_the_cones_union(sphere_stage) -> None:
+    episode, steps = run(sphere_stage, make_planner("multi-resolution"), n=25)
+    fractions = [step.sensed_fraction for step in steps]
+    assert all(later >= earlier for earlier, later in pairwise(fractions))
+    points_m = episode.truth.anatomy.detection_points_m
+    workspace = sphere_stage.workspace
+    held = np.zeros(len(points_m), dtype=bool)
+    for step in steps:
+        position_m, normal = workspace.positions_m[step.pose_index], workspace.normals[step.pose_index]
+        held |= sphere_stage.cone.contains(points_m, position_m, normal)
+    # the free probe's frame passes through a quaternion, so a point on a mantle may flip
+    assert fractions[-1] == pytest.approx(held.mean(), abs=1 / len(points_m))
+
+
+def test_planners_face_one_truth_per_seed_and_seeds_differ(sphere_stage) -> None:
+    centres = {}
+    for name, seed in (("random", 3), ("multi-resolution", 3), ("random", 4)):
+        truth = Episode(sphere_stage, make_planner(name), seed=seed, has_map=False).truth
+        centres[name, seed] = truth.anatomy.detection_points_m
+    assert np.array_equal(centres["random", 3], centres["multi-resolution", 3])
+    assert not np.array_equal(centres["random", 3], centres["random", 4])
+
+
+def test_the_arm_faces_the_truth_of_the_free_probe(sphere_stage, sphere_arm_stage) -> None:
+    with_arm = Episode(sphere_arm_stage, make_planner("random"), seed=1, has_map=False)
+    without = Episode(sphere_stage, make_planner("random"), seed=1, has_map=False)
+    assert np.array_equal(with_arm.truth.anatomy.detection_points_m, without.truth.anatomy.detection_points_m)
+    assert with_arm.truth.attainable_fraction >= 0.95
+
+
+def test_an_episode_repeats_and_its_map_finds_what_was_sensed(sphere_stage) -> None:
+    planner = make_planner("expected-improvement")
+    first, steps = run(sphere_stage, planner, seed=1, n=12)
+    second, again = run(sphere_stage, planner, seed=1, n=12)
+    assert [step.pose_index for step in steps] == [step.pose_index for step in again]
+    assert first.prediction.latent_mean.tobytes() == second.prediction.latent_mean.tobytes()
+    assert max(step.reading.is_occupied.sum() for step in steps) > 0
+    assert steps[-1].auprc > 0.5
+    # Points well inside what was sensed as tumour are likely tumour, by the map.
+    occupied_m = np.vstack([step.reading.points_m[step.reading.is_occupied] for step in steps])
+    assert first.hilbert_map.predict(occupied_m).probability.mean() > 0.8
+
+
+def test_with_the_arm_the_reading_comes_from_where_the_tip_really_is(sphere_arm_stage) -> None:
+    _, steps = run(sphere_arm_stage, make_planner("random"), n=4)
+    workspace = sphere_arm_stage.workspace
+    for step in steps:
+        gap_m = np.linalg.norm(step.reading.T_world_probe[:3, 3] - workspace.positions_m[step.pose_index])
+        assert gap_m == pytest.approx(step.ik.position_error_m, abs=1e-9)
+        assert 0.0 < gap_m < 1e-3  # an arm never hits a pose exactly
+        beam = step.reading.T_world_probe[:3, 2]
+        angle_rad = np.arccos(np.clip(beam @ workspace.normals[step.pose_index], -1, 1))
+        assert angle_rad == pytest.approx(step.ik.angle_error_rad, abs=1e-6)
+
+
+def test_the_probe_lifts_between_places(sphere_arm_stage) -> None:
+    _, steps = run(sphere_arm_stage, make_planner("random"), n=2)
+    path_m = steps[1].tip_path_m
+    assert path_m.shape == (4, 3)  # contact, above it, above the next, contact
+    assert path_m[1, 2] - path_m[0, 2] > 0.03  # up from the last place
+    assert path_m[2, 2] - path_m[3, 2] > 0.03  # down to the next
+    np.testing.assert_allclose(path_m[-1], steps[1].reading.T_world_probe[:3, 3], atol=1e-12)
+
+
+class LameCarrier(Carrier):
+    """Reaches only some poses of another carrier."""
+
+    def __init__(self, carrier: Carrier, reachable: set[int]) -> None:
+        self._carrier, self._reachable = carrier, reachable
+
+    def reach(self, pose: int) -> IkResult:
+        if pose in self._reachable:
+            return self._carrier.reach(pose)
+        return IkResult(IkStatus.TOO_FAR, np.empty(0), np.empty(0), 1.0, 0.0, 0, 0)
+
+    def place(self, data, pose, *, is_lifted) -> None:
+        self._carrier.place(data, pose, is_lifted=is_lifted)
+
+
+def test_unreachable_poses_are_skipped_once_and_the_episode_ends_when_none_is_left(sphere_stage) -> None:
+    class Listed(Planner):
+        needs_belief = False
+
+        def rank(self, situation):
+            return iter(pose for pose in range(8) if situation.available(exclude_sensed=True)[pose])
+
+    stage = replace(sphere_stage, carrier=LameCarrier(sphere_stage.carrier, set(range(14_400)) - {0, 1, 5}))
+    episode, steps = run(stage, Listed(), n=20)
+    assert [step.pose_index for step in steps] == [2, 3, 4, 6, 7]
+    assert [skipped.pose_index for step in steps for skipped in step.skipped] == [0, 1, 5]
+    assert "beyond the stretched arm" in episode.skipped[0].reason
+
+
+def test_it_stops_when_enough_is_sensed(sphere_stage) -> None:
+    episode = Episode(sphere_stage, make_planner("multi-resolution"), seed=0, has_map=False)
+    steps = list(episode.steps(2000, until_sensed=0.5))
+    assert steps[-1].sensed_fraction >= 0.5
+    assert all(step.sensed_fraction < 0.5 for step in steps[:-1])
+    assert steps[0].auprc is None
+
+
+def test_a_planner_that_needs_the_map_cannot_go_without(sphere_stage) -> None:
+    with pytest.raises(ValueError, match="has_map"):
+        Episode(sphere_stage, make_planner("expected-improvement"), seed=0, has_map=False)

@@ -1,0 +1,185 @@
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+from sim.world.errors import GeneratorError
+from sim.world.implicit import capsule, ellipsoid, half_space, smooth_cut, smooth_union, waves
+from sim.world.liver_generator import BOX_MM, main, make_liver
+from sim.world.liver_shape import LiverShape, liver_field
+from sim.world.meshes import load_mesh
+from sim.world.solid import Solid
+
+MODEL = "models/liver.stl"
+
+
+def axes(low, high, n):
+    return np.meshgrid(*[np.linspace(low, high, n)] * 3, indexing="ij", sparse=True)
+
+
+@pytest.fixture(scope="module")
+def livers():
+    return [make_liver(np.random.default_rng(seed)) for seed in range(3)]
+
+
+def assert_is_one_closed_body(mesh):
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.euler_number == 2  # one body, no tunnel
+    assert mesh.volume > 0
+
+
+def sphericity(mesh):
+    return np.cbrt(np.pi) * (6 * mesh.volume) ** (2 / 3) / mesh.area
+
+
+def test_the_embedded_liver_is_as_its_readme_says(pytestconfig):
+    mesh = trimesh.load_mesh(pytestconfig.rootpath / MODEL)
+    assert_is_one_closed_body(mesh)
+    assert mesh.volume / 1e3 == pytest.approx(1500, abs=0.5)
+    assert mesh.extents == pytest.approx([197, 163, 158], abs=0.5)
+    assert len(mesh.faces) == 7992
+    assert load_mesh(pytestconfig.rootpath / MODEL).notices == ()
+    readme = (pytestconfig.rootpath / "models/README.md").read_text()
+    assert "197 x 163 x 158 mm" in readme
+    assert "1,500 ml, 7,992 triangles" in readme
+
+
+def test_the_embedded_liver_has_the_features_of_a_liver(pytestconfig):
+    liver = Solid.from_trimesh(trimesh.load_mesh(pytestconfig.rootpath / MODEL))  # millimetres
+    low, high = liver.bounds_m
+    points = np.random.default_rng(0).uniform(low, high, size=(200_000, 3))
+    points = points[liver.contains(points)]
+    right, left = points[points[:, 0] < 0.0], points[points[:, 0] > 40.0]
+    assert len(left) < 0.35 * len(right)  # the right lobe is the larger
+    assert right[:, 2].max() > left[:, 2].max() + 5.0  # its dome is the higher
+    assert right[:, 2].min() < left[:, 2].min() - 30.0  # and its tip reaches lower
+    # Sharp inferior margin: the lowest centimetre of a sagittal slice is thin, front to back.
+    slab = points[np.abs(points[:, 0] - 50.0) < 3.0]
+    margin = slab[slab[:, 2] < slab[:, 2].min() + 6.0]
+    assert np.ptp(margin[:, 1]) < 0.4 * np.ptp(slab[:, 1])
+    # Hollow visceral face: much of the convex hull is not liver, yet it is no branching thing.
+    hull_share = liver.volume_m3 / liver.to_trimesh().convex_hull.volume
+    assert 0.70 < hull_share < 0.85
+
+
+def test_livers_by_seed_are_closed_and_of_a_livers_size(livers):
+    for liver in livers:
+        mesh = liver.to_trimesh()
+        assert_is_one_closed_body(mesh)
+        assert 0.8e-3 <= mesh.volume <= 2.8e-3 + 1e-9
+        assert 4000 <= len(mesh.faces) <= 8000
+        # LiTS: volume over hull 0.775 +- 0.05, sphericity about 0.73; within three deviations.
+        assert mesh.volume / mesh.convex_hull.volume == pytest.approx(0.775, abs=0.15)
+        assert sphericity(mesh) == pytest.approx(0.73, abs=0.10)
+        assert mesh.bounds.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_seeds_differ_and_repeat(livers):
+    again = make_liver(np.random.default_rng(0))
+    assert np.array_equal(again.vertices_m, livers[0].vertices_m)
+    assert len({round(liver.volume_m3, 7) for liver in livers}) == len(livers)
+    proportions = np.array([liver.extents_m / np.cbrt(liver.volume_m3) for liver in livers])
+    assert np.ptp(proportions, axis=0).min() > 0.05  # not one shape at several sizes
+
+
+@pytest.mark.slow
+def test_forty_seeds_are_closed_and_plausible():
+    meshes = [make_liver(np.random.default_rng(seed)).to_trimesh() for seed in range(40)]
+    for mesh in meshes:
+        assert_is_one_closed_body(mesh)
+        assert 0.65 < mesh.volume / mesh.convex_hull.volume < 0.85
+        assert 0.12 < mesh.extents[0] < 0.30
+    # LiTS: 1,586 +- 447 ml, clipped; five standard errors of 40.
+    assert np.mean([mesh.volume for mesh in meshes]) == pytest.approx(
+        1.586e-3, abs=5 * 0.447e-3 / np.sqrt(40)
+    )
+
+
+def test_a_volume_is_met_and_one_out_of_range_refused():
+    liver = make_liver(np.random.default_rng(1), volume_m3=1.2e-3, shape=LiverShape(), n_triangles=4000)
+    assert liver.volume_m3 == pytest.approx(1.2e-3, rel=1e-9)
+    assert len(liver.faces) <= 4000
+    with pytest.raises(ValueError, match=r"volume_m3=0\.1 must be within"):
+        make_liver(np.random.default_rng(0), volume_m3=0.1)
+    with pytest.raises(ValueError, match="n_triangles=10 must be at least 1000"):
+        make_liver(np.random.default_rng(0), n_triangles=10)
+
+
+def test_drawn_shapes_are_standard_normal_within_bounds():
+    rng = np.random.default_rng(0)
+    values = np.array([list(vars(LiverShape.draw(rng)).values()) for _ in range(400)])
+    assert np.abs(values).max() <= 2.5
+    # Five standard errors of 6,800 draws; clipping at 2.5 takes 2 % off the deviation.
+    assert values.mean() == pytest.approx(0.0, abs=5 / np.sqrt(values.size))
+    assert values.std() == pytest.approx(0.985, abs=0.04)
+
+
+def test_the_command_writes_a_file_that_loads(tmp_path, capsys):
+    main(["--seed", "2", "--volume-ml", "1400", "--triangles", "5000", "--out", str(tmp_path / "liver.stl")])
+    assert "1400 ml" in capsys.readouterr().out
+    loaded = load_mesh(tmp_path / "liver.stl")
+    assert loaded.mesh.volume == pytest.approx(1.4e-3, rel=1e-4)
+    assert loaded.notices == ()
+
+
+def test_without_the_optional_packages_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "fast_simplification", None)
+    with pytest.raises(
+        GeneratorError, match=r"needs fast-simplification.*pip install 'sounding\[generate\]'"
+    ):
+        make_liver(np.random.default_rng(0))
+
+
+def test_the_lattice_holds_the_largest_shape():
+    at = np.meshgrid(*[np.arange(low, high, 6.0) for low, high in BOX_MM], indexing="ij", sparse=True)
+    largest = LiverShape(
+        right_width=2.5,
+        right_thickness=2.5,
+        dome_height=2.5,
+        tip_length=2.5,
+        left_length=2.5,
+        left_tilt=2.5,
+        stomach=-2.5,
+    )
+    field = liver_field(largest, at, np.random.default_rng(0))
+    for axis in range(3):  # the outermost layers are outside, so that the surface closes within the lattice
+        assert field.take([0, -1], axis=axis).min() > 0.0
+
+
+def test_fields_of_a_ball_a_bar_and_a_half_space_are_distances():
+    at = axes(-3.0, 3.0, 13)
+    radius = np.sqrt(sum(x**2 for x in at))
+    assert ellipsoid(at, (0, 0, 0), (2, 2, 2)) == pytest.approx(radius - 2.0, abs=1e-5)
+    height = np.broadcast_to(at[2], (13, 13, 13))
+    assert half_space(at, (0, 0, 2), 1.0) == pytest.approx(1.0 - height, abs=1e-6)
+    beside = np.sqrt(at[0] ** 2 + at[1] ** 2) * np.ones_like(at[2])
+    bar = capsule(at, (0, 0, -9), (0, 0, 9), (1.0, 1.0))
+    assert bar == pytest.approx(beside - 1.0, abs=1e-5)
+
+
+def test_smooth_joins_equal_sharp_ones_away_from_the_seam():
+    a, b = np.array([-5.0, 0.0, 3.0, 1.0]), np.array([2.0, -4.0, 0.5, 1.0])
+    assert smooth_union(a, b, 1.0)[:3] == pytest.approx(np.minimum(a, b)[:3])
+    assert smooth_cut(a, b, 1.0)[:3] == pytest.approx(np.maximum(a, -b)[:3])
+    assert smooth_union(a, b, 1.0)[3] == pytest.approx(1.0 - 0.25)  # a quarter of k is filled in
+
+
+def test_waves_have_unit_variance_and_their_lengths():
+    at = axes(0.0, 400.0, 60)
+    field = waves(at, np.random.default_rng(0), n=40, lengths=(60.0, 120.0))
+    # Forty waves of variance 1/40 each, over 3 to 7 periods a side: within a quarter.
+    assert field.var() == pytest.approx(1.0, abs=0.25)
+    slope = np.gradient(field, 400.0 / 59, axis=0).std()
+    assert 2 * np.pi / 120 / np.sqrt(3) * 0.7 < slope < 2 * np.pi / 60 / np.sqrt(3) * 1.3
+
+
+@pytest.mark.parametrize(("name", "axis"), [("left_length", 0), ("right_thickness", 1), ("tip_length", 2)])
+def test_a_longer_part_makes_a_longer_liver(name, axis):
+    at = np.meshgrid(*[np.arange(low, high, 6.0) for low, high in BOX_MM], indexing="ij", sparse=True)
+    lengths = []
+    for value in (-2.0, 2.0):
+        field = liver_field(LiverShape(**{name: value}), at, np.random.default_rng(3))
+        lengths.append(np.ptp(np.nonzero(field < 0.0)[axis]) * 6.0)
+    assert lengths[1] >= lengths[0] + 12.0

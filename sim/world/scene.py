@@ -74,7 +74,7 @@ def build_scene(
     spec.modelname = "sounding"
     spec.visual.map.znear = 0.01
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1440
-    spec.visual.quality.offsamples = 4
+    spec.visual.quality.offsamples = 2
     spec.visual.headlight.ambient = [0.38, 0.38, 0.38]
     spec.visual.headlight.diffuse = [0.30, 0.30, 0.30]
     probe = mujoco.MjSpec.from_file(str(MODELS_DIR / "probe.xml"))

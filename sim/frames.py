@@ -16,7 +16,7 @@ from .world.rendering import CELL_RGBA, CURRENT_RGBA, SENSED_RGBA, Overlay, Scen
 from .world.scene import CONE_RGBA, ORGAN_RGBA, TUMOUR_RGBA
 
 LIKELY = 0.7
-"""Cells with a higher probability of tumour are drawn: well above the paper's prior of 0.5, or all unsensed would be."""
+"""Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
 LEGEND = (
     ("true tumour", TUMOUR_RGBA),
     ("likely tumour, by the map", CELL_RGBA),

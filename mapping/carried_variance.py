@@ -1,5 +1,5 @@
-"""The variance of the latent on one lattice, carried along: for beliefs whose readings touch very many
-weights.
+"""The variance of the latent on one lattice, carried along with the readings: it falls where the covariance
+falls, at a cost that depends on the cone and not on how much is known.
 """
 
 from __future__ import annotations
@@ -42,3 +42,14 @@ class CarriedVariance:
         for i, row in enumerate(range(near[0].start, near[0].stop)):
             sums = contract(AxisFeatures(x[i : i + 1], y, z), tensor)
             self.values[row, near[1], near[2]] -= sign * np.einsum("xyzr,xyzr->yz", sums, sums)
+
+
+def carried_on(carried: CarriedVariance | None, query: Lattice) -> NDArray[np.float64]:
+    """Returns the variance at all points of the lattice that it is carried on.
+
+    Raises:
+        ValueError: If it is carried on another or on none.
+    """
+    if carried is None or query is not carried.query:
+        raise ValueError("the variance is carried on the query lattice alone that the map was made with")
+    return carried.values.ravel()

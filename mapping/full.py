@@ -63,10 +63,16 @@ class FullBelief(Belief):
         self._samples: WeightSamples | None = None
 
     @classmethod
-    def dense(cls, features: HingeFeatures, settings: MapSettings) -> FullBelief:
+    def dense(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:
         """Returns the prior belief of the form `full`."""
-        is_exact = settings.tolerance == 0
-        return cls(features, settings, DenseCovariance(features, settings.weight_variance, is_exact=is_exact))
+        covariance = DenseCovariance(
+            features,
+            settings.weight_variance,
+            query=query,
+            cutoff=_QUERY_CUTOFF * settings.tolerance,
+            is_exact=settings.tolerance == 0,
+        )
+        return cls(features, settings, covariance)
 
     @classmethod
     def local(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:

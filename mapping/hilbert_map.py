@@ -25,6 +25,7 @@ from .likelihood import label_log_odds, prior_offset
 from .prediction import Prediction
 from .settings import MapSettings
 from .storage import read_arrays, write_arrays
+from .threads import one_blas_thread
 
 
 class HilbertMap:
@@ -88,7 +89,8 @@ class HilbertMap:
             return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0, curvature=np.zeros(0))
         settings = self.settings
         log_odds = label_log_odds(labels, settings.false_positive_rate, settings.false_negative_rate)
-        report = self._belief.learn(points, self._offset(points), log_odds)
+        with one_blas_thread():
+            report = self._belief.learn(points, self._offset(points), log_odds)
         return UpdateReport(
             n_points=len(points),
             n_occupied=int(labels.sum()),
@@ -113,7 +115,8 @@ class HilbertMap:
         Raises:
             ValueError: If the form is diagonal.
         """
-        return [self._belief.revise() for _ in range(n_sweeps)][-1]
+        with one_blas_thread():
+            return [self._belief.revise() for _ in range(n_sweeps)][-1]
 
     def predict(self, points_m: ArrayLike) -> Prediction:
         """Returns the belief at any points [m], shape (N, 3)."""
@@ -233,7 +236,7 @@ def _make_belief(features: HingeFeatures, settings: MapSettings, query: Lattice 
         return DiagonalBelief(features, settings)
     if settings.form == "local":
         return FullBelief.local(features, settings, query)
-    return FullBelief.dense(features, settings)
+    return FullBelief.dense(features, settings, query)
 
 
 def _check_hinges(hinges: Lattice) -> None:

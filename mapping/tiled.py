@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .carried_variance import CarriedVariance
+from .carried_variance import CarriedVariance, carried_on
 from .kernel import HingeFeatures, outer_features
 from .lattice import Lattice
 from .storage import checked_array
@@ -70,11 +70,7 @@ class TiledCovariance:
         Raises:
             ValueError: If the lattice is another.
         """
-        if self._carried is None or query is not self._carried.query:
-            raise ValueError(
-                "the local form carries the variance on the query lattice it was made with alone"
-            )
-        return self._carried.values.ravel()
+        return carried_on(self._carried, query)
 
     def variance_at(self, points_m: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
         """Returns the variance phi Sigma phi^T at points that lie close together, shape (N, 3)."""

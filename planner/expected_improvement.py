@@ -11,6 +11,7 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from mapping import Prediction
 
@@ -106,11 +107,11 @@ class ExpectedImprovement(Planner):
     def _near_sensed(self, situation: Situation) -> NDArray[np.bool_]:
         """Which poses are nearer to a sensed one than the radius, shape (N,); none if they may return."""
         positions_m = situation.workspace.positions_m
-        is_near = np.zeros(len(positions_m), dtype=np.bool_)
+        if not self.exclude_sensed:
+            return np.zeros(len(positions_m), dtype=np.bool_)
         radius_m = self.exclusion_share * situation.cone.base_radius_m
-        for pose in set(situation.sensed) if self.exclude_sensed else ():
-            is_near |= np.sum((positions_m - positions_m[pose]) ** 2, axis=1) < radius_m**2
-        return is_near
+        squared_m2 = cdist(positions_m[list(situation.sensed)], positions_m, "sqeuclidean")
+        return np.min(squared_m2, axis=0, initial=np.inf) < radius_m**2
 
     def _poses_towards(
         self, point_m: NDArray[np.float64], situation: Situation, is_available: NDArray[np.bool_]

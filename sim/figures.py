@@ -20,6 +20,8 @@ MUTED = "#767676"
 GRID = "#E6E6E6"
 DPI = 150
 """Dots per inch of every figure."""
+Margins = tuple[float, float, float, float]
+"""Room left, right, below and above a pair of axes [inch]."""
 SENSED_TARGET = 0.95
 """Share of the tumour volume at which the paper counts the tumours as detected."""
 
@@ -82,16 +84,28 @@ def draw_progress(path: Path, *, auprc: ArrayLike, sensed_fraction: ArrayLike) -
     save(figure, path)
 
 
-def new_figure(*, width_in: float, height_in: float) -> tuple[Figure, Axes]:
+def new_figure(
+    *, width_in: float, height_in: float, margins_in: Margins = (0.72, 0.22, 0.62, 0.52)
+) -> tuple[Figure, Axes]:
     """A figure with one plain pair of axes, in the style of all figures.
 
     Args:
         width_in: Width [inch].
         height_in: Height [inch].
+        margins_in: Room left, right, below and above the axes [inch]; stated, since a layout that measures its
+            labels draws everything twice.
     """
-    figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(width_in, height_in), dpi=DPI)
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    left, right, below, above = margins_in
+    axes = figure.add_axes(
+        (
+            left / width_in,
+            below / height_in,
+            (width_in - left - right) / width_in,
+            (height_in - below - above) / height_in,
+        )
+    )
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

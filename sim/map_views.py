@@ -25,6 +25,8 @@ View = Literal["top", "side"]
 _AXES_OF_VIEW: dict[View, tuple[int, int, int]] = {"top": (0, 1, 2), "side": (0, 2, 1)}
 """For each view the world axes drawn across and up, and the line of sight."""
 _MM_PER_M = 1e3
+_MARGINS_IN = (0.72, 0.95, 0.95, 0.45)
+_AXES_WIDTH_IN, _MOST_AXES_HEIGHT_IN = 5.9, 7.4
 _MOST_NUMBERED_POSES = 60
 """With more poses than this, their numbers would cover the map."""
 _COLOURS = LinearSegmentedColormap.from_list(
@@ -80,9 +82,12 @@ def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
     )
     likely = extended_to_all(highest_along(picture, sight), np.asarray(picture.is_inside.any(axis=sight)))
     left, right, bottom, top = raster.edges_m
-    figure, axes = new_figure(
-        width_in=7.6, height_in=float(np.clip(5.6 * (top - bottom) / (right - left) + 1.7, 3.4, 9.0))
-    )
+    width_in, height_in = _AXES_WIDTH_IN, _AXES_WIDTH_IN * (top - bottom) / (right - left)
+    if height_in > _MOST_AXES_HEIGHT_IN:
+        width_in, height_in = width_in * _MOST_AXES_HEIGHT_IN / height_in, _MOST_AXES_HEIGHT_IN
+    of_figure_in = (_AXES_WIDTH_IN + sum(_MARGINS_IN[:2]), height_in + sum(_MARGINS_IN[2:]))
+    figure, axes = new_figure(width_in=of_figure_in[0], height_in=of_figure_in[1], margins_in=_MARGINS_IN)
+    axes.set_anchor("W")
     image = axes.imshow(
         np.where(organ > 0.0, raster.interpolate(likely), np.nan).T,
         origin="lower",
@@ -98,7 +103,9 @@ def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
     axes.set(xlabel=f"{'xyz'[across]} [mm]", ylabel=f"{'xyz'[up]} [mm]", aspect="equal")
     axes.grid(visible=False)
     axes.set_title(_title(view, len(picture.poses_m)), loc="left", fontsize=12, color=INK, pad=10)
-    colourbar = figure.colorbar(image, ax=axes, shrink=0.9, pad=0.02, aspect=24)
+    beside = ((_MARGINS_IN[0] + width_in + 0.15) / of_figure_in[0], _MARGINS_IN[2] / of_figure_in[1])
+    bar_axes = figure.add_axes((*beside, 0.16 / of_figure_in[0], height_in / of_figure_in[1]))
+    colourbar = figure.colorbar(image, cax=bar_axes)
     colourbar.set_label("highest probability of tumour", fontsize=9, color=INK)
     colourbar.ax.tick_params(labelsize=9, length=0)
     _draw_legend(figure)
@@ -161,7 +168,7 @@ def _draw_legend(figure: Figure) -> None:
             [], [], color=BLUE, linestyle="none", marker="o", markersize=7, label="sensing poses, in order"
         ),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    figure.legend(handles=handles, loc="lower center", ncols=3, frameon=False, fontsize=9)
 
 
 def _title(view: View, n_poses: int) -> str:

@@ -79,7 +79,8 @@ def test_dense_covariance_and_its_variance_equal_the_matrix_and_its_quadratic_fo
     if not is_masked:
         features = HingeFeatures.build(features.hinges, features.gamma_per_m2)
     rng = np.random.default_rng(3)
-    kept = DenseCovariance(features, 4.0, is_exact=True)
+    query = Lattice.from_counts(*BOX_M, counts=(5, 4, 3))
+    kept = DenseCovariance(features, 4.0, query=query, cutoff=0.0, is_exact=True)
     Sigma = 4.0 * np.eye(features.n_weights)
     for sign in (1.0, 1.0, -1.0):
         weights = np.sort(rng.choice(features.n_weights, 40, replace=False))
@@ -93,7 +94,6 @@ def test_dense_covariance_and_its_variance_equal_the_matrix_and_its_quadratic_fo
     Phi = outer_features(features.along_axes(points_m))[:, features.weight_of_hinge >= 0]
     quadratic = np.einsum("nj,jk,nk->n", Phi, Sigma, Phi)
     np.testing.assert_allclose(kept.variance_at(points_m, cutoff=0.0), quadratic, atol=1e-11)
-    query = Lattice.from_counts(*BOX_M, counts=(5, 4, 3))
     Phi = outer_features(features.along_axes(query.points_m()))[:, features.weight_of_hinge >= 0]
     quadratic = np.einsum("nj,jk,nk->n", Phi, Sigma, Phi)
     np.testing.assert_allclose(kept.variance_on_lattice(query), quadratic, atol=1e-11)

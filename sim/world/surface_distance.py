@@ -20,6 +20,9 @@ SAMPLE_SPACING_M = 0.002
 EXACT_BAND_M = 0.010
 """Closer than this [m] the distance is taken to the triangles; beyond it r^2 / (2 d) is below 0.07 mm."""
 
+NARROW_SHARE = 0.85
+"""A triangle is narrow whose shortest edge is below this share of the spacing: strips half as long then fit."""
+
 N_NEAR_PIECES = 6
 """Pieces looked up per query in the band: their triangles include the closest or one hardly farther."""
 
@@ -107,8 +110,8 @@ def strewn_tree(solid: Solid, spacing_m: float) -> KDTree:
 def divide_triangles(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """The surface in pieces with short edges.
 
-    Triangles are halved across their longest edge until all edges are short, so slivers make no more pieces
-    than their length needs.
+    Triangles are halved across their longest edge until all edges are short, and narrow ones cut into strips
+    across their length, which halving would shatter: a sliver makes no more pieces than its length needs.
 
     Args:
         solid: The solid whose surface is meant.
@@ -122,16 +125,50 @@ def divide_triangles(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64
     while len(corners):
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
         is_long = lengths.max(axis=1) > spacing_m
+        is_narrow = (lengths.min(axis=1) < NARROW_SHARE * spacing_m) & (lengths.max(axis=1) > 2.0 * spacing_m)
         pieces.append(corners[~is_long])
         owners.append(owner[~is_long])
-        corners, owner, longest = corners[is_long], owner[is_long], lengths[is_long].argmax(axis=1)
-        a, b, c = (
-            np.take_along_axis(corners, ((longest + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3)
-        )
-        middle = 0.5 * (a + b)
-        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-        owner = np.concatenate([owner, owner])
+        is_wide = is_long & ~is_narrow
+        strips, of_strip = _cut_in_strips(corners[is_narrow], lengths[is_narrow], 0.5 * spacing_m)
+        corners = np.concatenate([_halve(corners[is_wide], lengths[is_wide]), strips])
+        owner = np.concatenate([owner[is_wide], owner[is_wide], owner[is_narrow][of_strip]])
     return np.concatenate(pieces), np.concatenate(owners)
+
+
+def _halve(corners: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Triangles cut across their longest edge: the first halves, then the second, shape (2 N, 3, 3)."""
+    a, b, c = _corners_from(corners, lengths.argmax(axis=1))
+    middle = 0.5 * (a + b)
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+
+
+def _cut_in_strips(
+    corners: NDArray[np.float64], lengths: NDArray[np.float64], width_m: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Triangles cut parallel to their shortest edge into strips of two triangles.
+
+    Returns:
+        Corners of the parts [m], shape (P, 3 corners, 3), and which of the triangles each is part of.
+    """
+    n_strips = np.ceil(lengths.max(axis=1) / width_m).astype(np.int64)
+    of_strip = np.repeat(np.arange(len(corners)), n_strips)
+    number = np.arange(len(of_strip)) - np.repeat(np.cumsum(n_strips) - n_strips, n_strips)
+    q, r, apex = (corner[of_strip] for corner in _corners_from(corners, lengths.argmin(axis=1)))
+    near, far = ((number + k)[:, None] / n_strips[of_strip][:, None] for k in (0, 1))
+    q_near, q_far, r_near, r_far = (
+        apex + share * (end - apex) for end, share in ((q, near), (q, far), (r, near), (r, far))
+    )
+    at_apex = number == 0  # there the strip is a triangle
+    parts = np.stack([q_near, q_far, r_far], axis=1), np.stack([q_near, r_far, r_near], axis=1)[~at_apex]
+    return np.concatenate(parts), np.concatenate([of_strip, of_strip[~at_apex]])
+
+
+def _corners_from(
+    corners: NDArray[np.float64], edge: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Both ends of an edge of each triangle, and the corner opposite; edge k runs from corner k to the next."""
+    a, b, c = (np.take_along_axis(corners, ((edge + k) % 3)[:, None, None], axis=1)[:, 0] for k in range(3))
+    return a, b, c
 
 
 def closest_points_on_triangles(

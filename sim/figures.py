@@ -118,7 +118,8 @@ def new_figure(
 
 def save(figure: Figure, path: Path) -> None:
     """Writes a figure as a PNG whose bytes depend on the picture alone, not on the version that drew it."""
-    figure.savefig(path, dpi=DPI, facecolor="white", metadata={"Software": None})
+    quick = {"compress_level": 3}
+    figure.savefig(path, dpi=DPI, facecolor="white", metadata={"Software": None}, pil_kwargs=quick)
 
 
 def _by_rising_recall(

@@ -16,6 +16,7 @@ middle of the surface's mean plane.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,7 @@ class PaperOrgan:
     box_high_m: NDArray[np.float64]
 
 
+@lru_cache(maxsize=1)
 def paper_organ() -> PaperOrgan:
     """The paper's synthetic organ, 180 x 180 x 104 mm, and its sensing positions."""
     axis = -3.0 + GRID_SPACING * np.arange(N_GRID + 1, dtype=np.float64)

@@ -35,6 +35,7 @@ _ROW_TOLERANCE = 0.03  # fall of a weight's variance
 _SHRINKAGE_TOLERANCE = 1000.0  # share of a direction's variance that the reading takes away
 _FEATURE_CUTOFF = 10.0  # features of a reading
 _QUERY_CUTOFF = 0.01  # terms of the variance at a query point
+_MARGIN_CUTOFF = 1e4  # features beyond the touched weights, whose own fall is as small as _ROW_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,7 @@ class FullBelief(Belief):
             features,
             settings.weight_variance,
             query=query,
-            cutoff=_QUERY_CUTOFF * settings.tolerance,
+            cutoff=_margin_cutoff(settings),
             is_exact=settings.tolerance == 0,
         )
         return cls(features, settings, covariance)
@@ -77,7 +78,7 @@ class FullBelief(Belief):
     @classmethod
     def local(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:
         """Returns the prior belief of the form `local`."""
-        cutoff = _QUERY_CUTOFF * settings.tolerance
+        cutoff = _margin_cutoff(settings)
         covariance = TiledCovariance(features, settings.weight_variance, query=query, cutoff=cutoff)
         return cls(features, settings, covariance)
 
@@ -212,3 +213,7 @@ class FullBelief(Belief):
         identity = np.eye(len(factor))
         shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
         return pivoted_cholesky(shrinkage, self._smallest_share())[0]
+
+
+def _margin_cutoff(settings: MapSettings) -> float:
+    return min(_MARGIN_CUTOFF * settings.tolerance, 1.0)

@@ -26,7 +26,9 @@ def png_bytes(pixels: NDArray[np.uint8], *, compression: int = 1) -> bytes:
         ValueError: The array is no RGB picture.
     """
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
-        raise ValueError(f"pixels must be uint8 of shape (height, width, 3), not {pixels.dtype} {pixels.shape}")
+        raise ValueError(
+            f"pixels must be uint8 of shape (height, width, 3), not {pixels.dtype} {pixels.shape}"
+        )
     height_px, width_px = pixels.shape[:2]
     rows = np.zeros((height_px, 1 + 3 * width_px), dtype=np.uint8)  # each row after its filter, 0 for none
     rows[:, 1:] = pixels.reshape(height_px, -1)

@@ -7,6 +7,7 @@ positive means inside, also where surfaces overlap or nest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -14,7 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .scene import Group, Scene
+from .solid import Solid
 
+EXIT_MARGIN_M = 1e-6
+"""Rounding of a place: a crossing this near to the end of all surfaces is the last."""
 RAY_RESTART_M = 1e-7
 """A ray goes on this far behind a hit, well above the rounding of a distance of a metre."""
 MAX_CROSSINGS = 64
@@ -61,8 +65,8 @@ class Probe:
         self._settings = settings or ProbeSettings()
         self._cone = scene.cone
         self._tip_id = scene.model.site(scene.tip_site).id
-        self._organ = _group_mask(Group.ORGAN)
-        self._tumour = _group_mask(Group.TUMOUR) if scene.anatomy.tumours else None
+        self._organ = _Surfaces(Group.ORGAN, [scene.anatomy.organ])
+        self._tumour = _Surfaces(Group.TUMOUR, scene.anatomy.tumours) if scene.anatomy.tumours else None
 
     def tip_pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """T_world_probe of the tip in this state, shape (4, 4); `data` must be forwarded."""
@@ -111,11 +115,11 @@ class Probe:
         origin_m: NDArray[np.float64],
         directions: NDArray[np.float64],
         ranges_m: NDArray[np.float64],
-        group: NDArray[np.uint8],
+        surfaces: _Surfaces,
     ) -> NDArray[np.int64]:
         """Winding number of a group's surfaces about each point: the signed crossings beyond it, shape (R, K)."""
         total = np.zeros(ranges_m.shape, dtype=np.int64)
-        ray, along_m, sign = self._crossings(data, origin_m, directions, group)
+        ray, along_m, sign = self._crossings(data, origin_m, directions, surfaces)
         is_before = ranges_m[ray] < np.asarray(along_m)[:, None]
         np.add.at(total, ray, np.asarray(sign)[:, None] * is_before)
         return total
@@ -125,7 +129,7 @@ class Probe:
         data: mujoco.MjData,
         origin_m: NDArray[np.float64],
         directions: NDArray[np.float64],
-        group: NDArray[np.uint8],
+        surfaces: _Surfaces,
     ) -> tuple[list[int], list[float], list[int]]:
         """All crossings of rays from one origin with a group's surfaces.
 
@@ -139,7 +143,7 @@ class Probe:
             data,
             origin_m,
             directions.ravel(),
-            group,
+            surfaces.group,
             1,
             -1,
             geoms,
@@ -151,13 +155,17 @@ class Probe:
         first_sign = np.where(np.einsum("ij,ij->i", normals.reshape(-1, 3), directions) > 0.0, 1, -1)
         hits = np.flatnonzero(first_m >= 0.0)
         ray, along_m, sign = hits.tolist(), first_m[hits].tolist(), first_sign[hits].tolist()
-        geom, normal = np.empty(1, np.int32), np.empty(3)
-        for index in hits.tolist():
-            direction, travelled_m = directions[index], first_m[index]
+        geom, normal, start_m = np.empty(1, np.int32), np.empty(3), np.empty(3)
+        last_m = surfaces.ranges_at_exit_m(origin_m, directions)
+        for index in hits[first_m[hits] < last_m[hits]].tolist():
+            direction, travelled_m = directions[index], float(first_m[index])
             for _ in range(MAX_CROSSINGS):
                 travelled_m += RAY_RESTART_M
-                start_m = origin_m + travelled_m * direction
-                step_m = mujoco.mj_ray(self._model, data, start_m, direction, group, 1, -1, geom, normal)
+                np.multiply(direction, travelled_m, out=start_m)
+                start_m += origin_m
+                step_m = mujoco.mj_ray(
+                    self._model, data, start_m, direction, surfaces.group, 1, -1, geom, normal
+                )
                 if step_m < 0.0:
                     break
                 travelled_m += step_m
@@ -167,7 +175,21 @@ class Probe:
         return ray, along_m, sign
 
 
-def _group_mask(group: Group) -> NDArray[np.uint8]:
-    mask = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-    mask[int(group)] = 1
-    return mask
+class _Surfaces:
+    """The surfaces that a group of rays asks for, and where a ray has left them all behind."""
+
+    def __init__(self, group: Group, solids: Sequence[Solid]) -> None:
+        self.group = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
+        self.group[int(group)] = 1
+        corners = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)], dtype=float) - 1.0
+        self._axes = corners / np.linalg.norm(corners, axis=1)[:, None]
+        self._heights_m = np.max([(solid.vertices_m @ self._axes.T).max(axis=0) for solid in solids], axis=0)
+
+    def ranges_at_exit_m(
+        self, origin_m: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Where rays leave a convex body of 26 faces around the surfaces [m], shape (R,): none is crossed beyond."""
+        speed = directions @ self._axes.T
+        room_m = self._heights_m + EXIT_MARGIN_M - self._axes @ origin_m
+        ranges_m = np.divide(room_m, speed, out=np.full(speed.shape, np.inf), where=speed > 0.0)
+        return ranges_m.min(axis=1) - 2.0 * EXIT_MARGIN_M

@@ -83,7 +83,9 @@ class SceneRenderer:
         )
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
-        scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = self._sees_sky  # costs as much as arm and organ together
+        scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = (
+            self._sees_sky
+        )  # costs as much as arm and organ together
         if overlay is not None:
             _draw(scene, overlay)
         return self._renderer.render()

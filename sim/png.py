@@ -33,7 +33,7 @@ def png_bytes(pixels: NDArray[np.uint8], *, compression: int = 1) -> bytes:
     rows = np.zeros((height_px, 1 + 3 * width_px), dtype=np.uint8)  # each row after its filter, 0 for none
     rows[:, 1:] = pixels.reshape(height_px, -1)
     header = struct.pack(">IIBBBBB", width_px, height_px, _BITS, _RGB, 0, 0, 0)
-    parts = (b"IHDR", header), (b"IDAT", zlib.compress(rows, compression)), (b"IEND", b"")
+    parts = (b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), compression)), (b"IEND", b"")
     return _SIGNATURE + b"".join(_chunk(kind, body) for kind, body in parts)
 
 

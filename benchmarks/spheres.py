@@ -20,6 +20,8 @@ BOX_M = ((-0.09, -0.09, -0.10125), (0.09, 0.09, 0.0))
 HALF_ANGLE_RAD = np.deg2rad(11.5)
 DEPTH_M = 0.102
 RADIUS_M = 0.012
+EXCLUSION_M = 0.28 * DEPTH_M * np.tan(HALF_ANGLE_RAD)
+"""Poses nearer to a sensed one are out: the share of the cone's base radius that `ExpectedImprovement` takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,23 +106,29 @@ def map_by_random(seed: int, n_readings: int, settings: MapSettings) -> HilbertM
 
 
 def map_by_expected_improvement(seed: int, n_readings: int, settings: MapSettings) -> HilbertMap:
-    """Returns the map after readings that EI on the latent chose, each pose used once."""
+    """Returns the map after the readings that expected improvement chose on the paper's map.
+
+    EI is that of the latent, and no pose lies beside an earlier one, as in `planner`. The map has no part in the
+    choice: under a low prior EI would stay at the first tumour, and maps of other settings would see other readings.
+    """
     truth_rng, pose_rng, sensor_rng = np.random.default_rng(seed).spawn(3)
     truth, poses = Spheres.planted(truth_rng), candidate_poses(pose_rng, 2000)
-    belief = make_map(settings)
+    belief, of_planner = make_map(settings), make_map(MapSettings.paper())
     query_m = belief.query_points_m()
     apexes_m, axes = np.array([p.apex_m for p in poses]), np.array([p.axis for p in poses])
-    is_used = np.zeros(len(poses), dtype=bool)
+    is_near = np.zeros(len(poses), dtype=bool)
     chosen = 0
     for step in range(n_readings):
         if step > 0:
-            target_m = query_m[np.argmax(_expected_improvement(belief))]
+            target_m = query_m[np.argmax(_expected_improvement(of_planner))]
             towards = (target_m - apexes_m) / np.linalg.norm(target_m - apexes_m, axis=1, keepdims=True)
-            is_free = ~is_used & (np.linalg.norm(target_m - apexes_m, axis=1) < DEPTH_M)
+            is_free = ~is_near & (np.linalg.norm(target_m - apexes_m, axis=1) < DEPTH_M)
             chosen = int(np.argmax(np.where(is_free, np.sum(towards * axes, axis=1), -np.inf)))
-        is_used[chosen] = True
+        is_near |= np.linalg.norm(apexes_m - apexes_m[chosen], axis=1) < EXCLUSION_M
         points_m = cone_points(poses[chosen], sensor_rng)
-        belief.update(points_m, truth.contain(points_m))
+        is_occupied = truth.contain(points_m)
+        of_planner.update(points_m, is_occupied)
+        belief.update(points_m, is_occupied)
     return belief
 
 

@@ -20,9 +20,9 @@ class MapSettings:
     """gamma of the kernel exp(-gamma |x - h|^2) [1/m^2]; the paper's 5 per squared unit of 30 mm."""
     prior_prevalence: float = 0.02
     """Share of the organ that is expected to be tumour before any reading; 0.5 is the paper's."""
-    weight_variance: float = 4.0
+    weight_variance: float = 16.0
     """Prior variance of each weight; with it the latent's standard deviation is about 1.85
-    sqrt(weight_variance).
+    sqrt(weight_variance). Tumours have sharp edges, which a small variance blurs: docs/map.md shows how much.
     """
     false_positive_rate: float = 0.0
     """Share of free points that the sensor calls occupied."""
@@ -39,10 +39,13 @@ class MapSettings:
 
     @classmethod
     def paper(cls) -> MapSettings:
-        """Returns the settings of the paper: no prior knowledge of how much is tumour, 0.375 units, gamma =
-        5.
+        """Returns the settings of the paper: no prior knowledge of how much is tumour, 0.375 units, gamma = 5.
+
+        Of the prior variance the paper only says that it is high; 4 is our reading.
         """
-        return cls(hinge_spacing_m=0.01125, gamma_per_m2=5 / 0.03**2, prior_prevalence=0.5)
+        return cls(
+            hinge_spacing_m=0.01125, gamma_per_m2=5 / 0.03**2, prior_prevalence=0.5, weight_variance=4.0
+        )
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

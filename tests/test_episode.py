@@ -15,7 +15,7 @@ from sim.episode import Episode
 from sim.stage import Stage
 from sim.world.kinematics import IkResult, IkStatus
 
-PAPER_MAP = MapSettings(prior_prevalence=0.5)
+PAPER_MAP = MapSettings.paper()
 
 
 def run(stage: Stage, planner: Planner, *, seed: int = 0, n: int = 5, **more) -> tuple[Episode, list]:

@@ -26,6 +26,7 @@ class DenseCovariance:
         weight_variance: float,
         *,
         query: Lattice | None = None,
+        query_mask: NDArray[np.bool_] | None = None,
         cutoff: float = 0.0,
         is_exact: bool,
     ) -> None:
@@ -38,7 +39,9 @@ class DenseCovariance:
         self.matrix = np.zeros((features.n_weights, features.n_weights))
         np.fill_diagonal(self.matrix, weight_variance)
         self._carried = (
-            None if query is None else CarriedVariance(features, query, weight_variance, cutoff=cutoff)
+            None
+            if query is None
+            else CarriedVariance(features, query, weight_variance, query_mask=query_mask, cutoff=cutoff)
         )
         n_in_plane = features.hinges.n_points // features.hinges.shape[0]
         self._plane_of_weight = np.flatnonzero(features.weight_of_hinge >= 0) // n_in_plane
@@ -93,7 +96,7 @@ class DenseCovariance:
         return int(np.searchsorted(planes, low)), int(np.searchsorted(planes, high, side="right"))
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns the variance of the latent at all points of the lattice that it is carried on.
+        """Returns the variance of the latent on the lattice that it is carried on, true where its mask keeps a point.
 
         Raises:
             ValueError: If the lattice is another.

@@ -64,22 +64,40 @@ class FullBelief(Belief):
         self._samples: WeightSamples | None = None
 
     @classmethod
-    def dense(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:
+    def dense(
+        cls,
+        features: HingeFeatures,
+        settings: MapSettings,
+        query: Lattice | None,
+        query_mask: NDArray[np.bool_] | None,
+    ) -> FullBelief:
         """Returns the prior belief of the form `full`."""
         covariance = DenseCovariance(
             features,
             settings.weight_variance,
             query=query,
+            query_mask=query_mask,
             cutoff=_margin_cutoff(settings),
             is_exact=settings.tolerance == 0,
         )
         return cls(features, settings, covariance)
 
     @classmethod
-    def local(cls, features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> FullBelief:
+    def local(
+        cls,
+        features: HingeFeatures,
+        settings: MapSettings,
+        query: Lattice | None,
+        query_mask: NDArray[np.bool_] | None,
+    ) -> FullBelief:
         """Returns the prior belief of the form `local`."""
-        cutoff = _margin_cutoff(settings)
-        covariance = TiledCovariance(features, settings.weight_variance, query=query, cutoff=cutoff)
+        covariance = TiledCovariance(
+            features,
+            settings.weight_variance,
+            query=query,
+            query_mask=query_mask,
+            cutoff=_margin_cutoff(settings),
+        )
         return cls(features, settings, covariance)
 
     def learn(

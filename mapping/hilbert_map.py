@@ -61,7 +61,7 @@ class HilbertMap:
         hinge_mask = None if hinge_mask is None else np.asarray(hinge_mask, dtype=bool)
         self._features = HingeFeatures.build(hinges, self.settings.gamma_per_m2, hinge_mask)
         self._lattice_offset = None if query is None else self._offset_on_lattice(query)
-        self._belief = _make_belief(self._features, self.settings, query)
+        self._belief = _make_belief(self._features, self.settings, query, self._query_mask)
 
     @property
     def n_weights(self) -> int:
@@ -231,12 +231,17 @@ def _read_lattice(arrays: Mapping[str, NDArray], name: str) -> Lattice:
     return Lattice((arrays[f"{name}_x_m"], arrays[f"{name}_y_m"], arrays[f"{name}_z_m"]))
 
 
-def _make_belief(features: HingeFeatures, settings: MapSettings, query: Lattice | None) -> Belief:
+def _make_belief(
+    features: HingeFeatures,
+    settings: MapSettings,
+    query: Lattice | None,
+    query_mask: NDArray[np.bool_] | None,
+) -> Belief:
     if settings.form == "diagonal":
         return DiagonalBelief(features, settings)
     if settings.form == "local":
-        return FullBelief.local(features, settings, query)
-    return FullBelief.dense(features, settings, query)
+        return FullBelief.local(features, settings, query, query_mask)
+    return FullBelief.dense(features, settings, query, query_mask)
 
 
 def _check_hinges(hinges: Lattice) -> None:

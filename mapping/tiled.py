@@ -35,6 +35,7 @@ class TiledCovariance:
         weight_variance: float,
         *,
         query: Lattice | None = None,
+        query_mask: NDArray[np.bool_] | None = None,
         cutoff: float = 0.0,
     ) -> None:
         """Starts with independent weights of one variance, which is carried on a query lattice if there is
@@ -42,7 +43,9 @@ class TiledCovariance:
         """
         self._features = features
         self._carried = (
-            None if query is None else CarriedVariance(features, query, weight_variance, cutoff=cutoff)
+            None
+            if query is None
+            else CarriedVariance(features, query, weight_variance, query_mask=query_mask, cutoff=cutoff)
         )
         shape = features.hinges.shape
         self._n_weights = features.n_weights
@@ -65,7 +68,7 @@ class TiledCovariance:
         return sum(panel.nbytes for panel in self._panels.values())
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns the variance of the latent at all points of the lattice that it is carried on.
+        """Returns the variance of the latent on the lattice that it is carried on, true where its mask keeps a point.
 
         Raises:
             ValueError: If the lattice is another.

@@ -97,3 +97,17 @@ def test_dense_covariance_and_its_variance_equal_the_matrix_and_its_quadratic_fo
     Phi = outer_features(features.along_axes(query.points_m()))[:, features.weight_of_hinge >= 0]
     quadratic = np.einsum("nj,jk,nk->n", Phi, Sigma, Phi)
     np.testing.assert_allclose(kept.variance_on_lattice(query), quadratic, atol=1e-11)
+
+
+@pytest.mark.parametrize("form", ["full", "local"])
+def test_a_mask_changes_which_points_are_answered_and_nothing_else(form):
+    hinges, query = Lattice.from_box(*BOX_M, spacing_m=0.01125), Lattice.from_box(*BOX_M, spacing_m=0.008)
+    # A slanted slab, so that planes have different ranges and some have none.
+    points_m = query.points_m()
+    mask = (np.abs(points_m[:, 0] + 2 * points_m[:, 1]) < 0.03) & (points_m[:, 0] > -0.05)
+    whole = HilbertMap(hinges, MapSettings(form=form), query=query)
+    masked = HilbertMap(hinges, MapSettings(form=form), query=query, query_mask=mask)
+    learn(whole, masked)
+    expected, answer = whole.predict_lattice(), masked.predict_lattice()
+    np.testing.assert_array_equal(answer.latent_mean, expected.latent_mean[mask])
+    np.testing.assert_allclose(answer.latent_variance, expected.latent_variance[mask], rtol=1e-9, atol=1e-12)

@@ -1,6 +1,7 @@
 """Is a probability of the map what it says? Reliability over many seeded truths with three hidden spheres.
 
-    python -m benchmarks.calibration [--seeds 100] [--readings 50] [--prevalence 0.01] [--planner random]
+    python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 16]
+        [--planner random] [--readings 50] [--figure docs/figures/calibration.png]
 
 Points count when the map is in doubt, 0.02 < p < 0.98: a map that says 0 everywhere has none and fails. The
 slope is that of a logistic regression of the truth on the map's log odds (1 is calibrated, above 1 too
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +42,9 @@ class Answers:
         return (self.probability > 0.02) & (self.probability < 0.98)
 
 
-def collect(planner: str, n_seeds: int, n_readings: int, settings: MapSettings) -> Answers:
+def collect(planner: str, seeds: range, n_readings: int, settings: MapSettings) -> Answers:
     logits, truths = [], []
-    for seed in range(n_seeds):
+    for seed in seeds:
         belief = PLANNERS[planner](seed, n_readings, settings)
         logits.append(belief.predict_lattice().score)
         truths.append(truth_of(seed, belief.query_points_m()))
@@ -92,24 +94,28 @@ def draw_reliability(answers: dict[str, Answers], path: Path, n_bins: int = 15) 
 def main() -> None:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--readings", type=int, default=50)
     parser.add_argument("--prevalence", type=float, nargs="+", default=[MapSettings().prior_prevalence])
+    parser.add_argument("--variance", type=float, nargs="+", default=[MapSettings().weight_variance])
     parser.add_argument("--planner", nargs="+", choices=PLANNERS, default=list(PLANNERS))
     parser.add_argument("--figure", type=Path, default=None)
     arguments = parser.parse_args()
     answers = {}
     print(
-        "| planner | prior prevalence | points in doubt | calibration error | slope | skill | AUPRC | Dice |"
+        "| planner | prior prevalence | weight variance | points in doubt | calibration error | slope | skill "
+        "| AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|"
     )
-    print("|---|---|---|---|---|---|---|---|")
+    seeds = range(arguments.first, arguments.first + arguments.seeds)
     with threadpool_limits(1):
-        for planner in arguments.planner:
-            for prevalence in arguments.prevalence:
-                settings = MapSettings(prior_prevalence=prevalence)
-                answer = collect(planner, arguments.seeds, arguments.readings, settings)
-                answers[f"{planner}, {prevalence:g}"] = answer
-                numbers = " | ".join(f"{value:.3g}" for value in summary(answer).values())
-                print(f"| {planner} | {prevalence:g} | {numbers} |", flush=True)
+        for planner, prevalence, variance in product(
+            arguments.planner, arguments.prevalence, arguments.variance
+        ):
+            settings = MapSettings(prior_prevalence=prevalence, weight_variance=variance)
+            answer = collect(planner, seeds, arguments.readings, settings)
+            answers[f"{planner}, {prevalence:g}, {variance:g}"] = answer
+            numbers = " | ".join(f"{value:.3g}" for value in summary(answer).values())
+            print(f"| {planner} | {prevalence:g} | {variance:g} | {numbers} |", flush=True)
     if arguments.figure is not None:
         draw_reliability(answers, arguments.figure)
 

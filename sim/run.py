@@ -18,6 +18,7 @@ from mapping import MapMetrics
 
 from .episode import Episode, Step
 from .frames import FrameWriter
+from .interrupt import NotedInterrupt
 from .options import EpisodeOptions
 from .recording import RunFolder, check_out_folder
 from .run_figures import draw_run_figures
@@ -86,7 +87,8 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
         folder.begin(_config(options, stage, map_settings), {"seed": options.seed})
         for notice in (*stage.notices, *episode.truth.anatomy.notices):
             print(f"note: {notice}", file=sys.stderr)
-        return _record(episode, options, folder, renderer, start_s)
+        interrupt = stack.enter_context(NotedInterrupt())
+        return _record(episode, options, folder, renderer, interrupt, start_s)
 
 
 def _record(
@@ -94,6 +96,7 @@ def _record(
     options: EpisodeOptions,
     folder: RunFolder,
     renderer: SceneRenderer | None,
+    interrupt: NotedInterrupt,
     start_s: float,
 ) -> dict[str, Any]:
     """Run the loop, writing as it goes, and close the folder whatever ends it."""
@@ -114,6 +117,8 @@ def _record(
             render_s += perf_counter() - render_start_s
             progress.set_postfix_str(_postfix(step), refresh=False)
             progress.update()
+            if interrupt.is_set:
+                raise KeyboardInterrupt
     except KeyboardInterrupt:
         status = "interrupted"
         raise

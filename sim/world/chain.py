@@ -110,7 +110,7 @@ class Chain:
         """
         lever_m = state.tips_m[:, None, :] - state.anchors_m
         jacobian = np.empty((len(lever_m), 5, self.n_joints))
-        velocity = _cross(state.axes, lever_m)
+        velocity = cross(state.axes, lever_m)
         velocity[:, self.is_slide] = state.axes[:, self.is_slide]
         jacobian[:, :3] = velocity.transpose(0, 2, 1)
         jacobian[:, 3:] = (state.axes @ state.R_world_tip[:, :, :2]).transpose(0, 2, 1)
@@ -184,7 +184,7 @@ def _z_along(axis: Array) -> Array:
     return np.column_stack([x, np.cross(axis, x), axis])
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
     """Cross product along the last axis; np.cross takes three times as long on many small vectors."""
     product = np.empty(np.broadcast_shapes(a.shape, b.shape))
     product[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]

@@ -119,6 +119,9 @@ class Clearance:
             reach_m = float(np.linalg.norm(points_m - centre_m, axis=1).max())
             distance_m = self._grid.distance_m(tips_m + R_world_tip @ centre_m) - reach_m
             near = np.flatnonzero((distance_m < PROBE_FAR_M) & (distance_m < least_m))
+            if not len(near):
+                least_m = np.minimum(least_m, distance_m)
+                continue
             world_m = tips_m[near, None] + points_m @ R_world_tip[near].transpose(0, 2, 1)
             distance_m[near] = (
                 self._grid.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(points_m)).min(axis=1)
@@ -145,6 +148,8 @@ class Clearance:
         bound_m -= self._bound_m[~self._is_probe]
         for column, geom in enumerate(arm):
             near = np.flatnonzero(bound_m[:, column] < FAR_M)
+            if not len(near):
+                continue
             at, radius_m = self._covers[int(geom)]
             world_m = geoms_m[near, geom][:, None] + at @ R_world_geoms[near, geom].transpose(0, 2, 1)
             gaps_m = self._grid.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at)) - radius_m

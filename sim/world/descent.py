@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .chain import Array, Chain, ChainState
+from .chain import Array, Chain, ChainState, cross
 
 AXIS_WEIGHT_M = 0.3
 """A turn of the beam by one radian counts like this distance."""
@@ -37,9 +37,12 @@ class Descent:
 
 def pose_errors(state: ChainState, positions_m: Array, normals: Array) -> tuple[Array, Array]:
     """Distances [m] of tips from positions and angles [rad] of beams from normals, shape (N,) each."""
-    distance_m = np.linalg.norm(positions_m - state.tips_m, axis=1)
+    away_m, turn = positions_m - state.tips_m, cross(state.beams, normals)
+    distance_m, sine = (
+        np.sqrt(np.einsum("ij,ij->i", away_m, away_m)),
+        np.sqrt(np.einsum("ij,ij->i", turn, turn)),
+    )
     cosine = np.einsum("ij,ij->i", state.beams, normals)
-    sine = np.linalg.norm(np.cross(state.beams, normals), axis=1)
     return distance_m, np.arctan2(sine, cosine)
 
 

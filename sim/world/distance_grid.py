@@ -113,16 +113,13 @@ class DistanceGrid:
         first = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]
         values_m = self.values_m.reshape(-1)
 
-        def along_z(offset: int) -> NDArray[np.float64]:
+        lines_m = []  # interpolated along z, at the four corners in x and y
+        for offset in (0, nz, ny * nz, ny * nz + nz):
             below = values_m.take(first + offset)
-            return below + w * (values_m.take(first + (offset + 1)) - below)
-
-        def along_y(offset: int) -> NDArray[np.float64]:
-            left = along_z(offset)
-            return left + v * (along_z(offset + nz) - left)
-
-        front = along_y(0)
-        return front + u * (along_y(ny * nz) - front)
+            lines_m.append(below + w * (values_m.take(first + (offset + 1)) - below))
+        front = lines_m[0] + v * (lines_m[1] - lines_m[0])
+        back = lines_m[2] + v * (lines_m[3] - lines_m[2])
+        return front + u * (back - front)
 
     def _trilinear(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         scaled = (points - self.origin_m) / self.spacing_m

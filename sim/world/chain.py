@@ -117,6 +117,11 @@ class Chain:
         jacobian[:, 3:, self.is_slide] = 0.0
         return jacobian
 
+    def manipulability(self, q: Array) -> Array:
+        """Yoshikawa's sqrt(det(J J^T)) of the five directions that a sensing pose fixes [m^3], shape (N,)."""
+        jacobian = self.jacobian(self.forward(q))
+        return np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.transpose(0, 2, 1)), 0.0))
+
     def axis_hub(self) -> tuple[float, float]:
         """Where the last joint is beside the beam: height along the beam from the tip [m], and distance from it [m].
 
@@ -191,3 +196,11 @@ def cross(a: Array, b: Array) -> Array:
     product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product
+
+
+def frames_along(normals: Array) -> Array:
+    """Orientations whose z is each normal, of any roll, shape (N, 3, 3)."""
+    side = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    x = side - np.einsum("ij,ij->i", side, normals)[:, None] * normals
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(normals, x), normals], axis=2).astype(np.float64)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .chain import Array, Chain
+from .chain import Array, Chain, frames_along
 from .clearance import PROBE_MARGIN_M, Clearance
 from .descent import AXIS_WEIGHT_M, Descent, descend, pose_errors
 from .gaps import GapMeter
@@ -16,10 +16,12 @@ from .ik_result import IkResult, IkStatus
 from .ik_settings import IkSettings
 from .scene import Scene
 from .start_set import StartSet
-from .trials import Trials, closeness, comfort, n_distinct, shortfall
+from .trials import Trials, closeness, closest, comfort, joint_at_limit, n_distinct
 
 CHUNK = 256
 """Poses searched together: enough that NumPy's calls are cheap, few enough that the arrays stay in the cache."""
+NEAR_TOLERANCES = 10.0
+"""Within this many tolerances of the position it is the beam that fails."""
 SURE_M = 0.001
 """A probe that at the exact pose is this far from the organ is clear of it within the IK's tolerances."""
 
@@ -34,6 +36,20 @@ class Answers:
     """Least distance of the arm to table, organ and itself at the pose [m], at most `FAR_M`, NaN if not reached."""
     n_solutions: NDArray[np.int64]
     """Distinct answers among those of the first starts, shape (N,)."""
+
+    @classmethod
+    def joined(cls, parts: list[Answers]) -> Answers:
+        """Answers one after the other."""
+        return cls(
+            [result for part in parts for result in part.results],
+            np.concatenate([np.empty(0), *(part.clearance_m for part in parts)]),
+            np.concatenate([np.empty(0, dtype=np.int64), *(part.n_solutions for part in parts)]),
+        )
+
+    @property
+    def q(self) -> Array:
+        """Joint positions of the whole scene at the poses, shape (N, nq)."""
+        return np.array([result.q for result in self.results])
 
     @property
     def is_reached(self) -> NDArray[np.bool_]:
@@ -60,16 +76,17 @@ class IkSearch:
         other.settings = settings
         return other
 
+    def with_effort(self, *, max_restarts: int) -> IkSearch:
+        """The same search with another number of restarts."""
+        return self.with_settings(replace(self.settings, max_restarts=max_restarts))
+
     def search(self, positions_m: Array, normals: Array) -> Answers:
         """Answers to poses: positions [m] and inward unit normals, shape (N, 3) each."""
-        parts = [
-            self._search_chunk(positions_m[first : first + CHUNK], normals[first : first + CHUNK])
-            for first in range(0, len(positions_m), CHUNK)
-        ]
-        return Answers(
-            [result for part in parts for result in part.results],
-            np.concatenate([part.clearance_m for part in parts] or [np.empty(0)]),
-            np.concatenate([part.n_solutions for part in parts] or [np.empty(0, dtype=np.int64)]),
+        return Answers.joined(
+            [
+                self._search_chunk(positions_m[first : first + CHUNK], normals[first : first + CHUNK])
+                for first in range(0, len(positions_m), CHUNK)
+            ]
         )
 
     def too_far_m(self, positions_m: Array, normals: Array) -> Array:
@@ -98,11 +115,14 @@ class IkSearch:
             trials = self._try(owner, chosen.reshape(-1, self.chain.n_joints), positions_m, normals, is_tight)
             for row in rows:
                 mine = np.flatnonzero(owner == row)
-                result, best, n_distinct = self._judge(trials, mine, first, results[row])
+                result, best = self._judge(
+                    trials, mine, positions_m[row], normals[row], n_before=first, earlier=results[row]
+                )
                 results[row] = result
                 if result.is_reached:
                     is_open[row] = False
-                    clearance_m[row], n_solutions[row] = trials.clearance_m[best], n_distinct
+                    clearance_m[row] = trials.clearance_m[best]
+                    n_solutions[row] = n_distinct(trials.q[mine[trials.is_valid[mine]]])
             first, count = first + count, 2 * count
         return Answers([result for result in results if result is not None], clearance_m, n_solutions)
 
@@ -157,30 +177,24 @@ class IkSearch:
         is_there = self._is_within(contact)
         lifted = Descent(contact.q.copy(), contact.distance_m, contact.angle_rad, contact.n_steps)
         is_above = is_there.copy()
-        details: dict[int, str] = {}
+        hits: dict[int, str] = {}
         n_steps = contact.n_steps.copy()
+        miss_m = contact.distance_m + AXIS_WEIGHT_M * contact.angle_rad
         if self.settings.standoff_m > 0.0 and is_there.any():
             rows = np.flatnonzero(is_there)
-            above = self._descend(
-                contact.q[rows], at_m[rows] - self.settings.standoff_m * along[rows], along[rows]
-            )
+            above_m = at_m[rows] - self.settings.standoff_m * along[rows]
+            above = self._descend(contact.q[rows], above_m, along[rows])
             lifted.q[rows] = above.q
             n_steps[rows] += above.n_steps
             is_above[rows] = self._is_within(above)
-            for index in np.flatnonzero(~is_above[rows]).tolist():
-                why = shortfall(self.chain, above.q[index], above.distance_m[index], above.angle_rad[index])
-                details[int(rows[index])] = f"Above the pose: {why}"
-        for row in np.flatnonzero(~is_there).tolist():
-            details[row] = shortfall(
-                self.chain, contact.q[row], contact.distance_m[row], contact.angle_rad[row]
-            )
+            miss_m[rows] = above.distance_m + AXIS_WEIGHT_M * above.angle_rad
         clearance_m = np.full(len(owner), np.nan)
-        is_valid = self._free(is_above, contact.q, "At the pose", details, is_tight[owner], clearance_m)
+        is_valid = self._free(is_above, contact.q, "At the pose", hits, is_tight[owner], clearance_m)
         if self.settings.standoff_m > 0.0:
-            is_valid = self._free(is_valid, lifted.q, "Above the pose", details, is_tight[owner])
+            is_valid = self._free(is_valid, lifted.q, "Above the pose", hits, is_tight[owner])
         return Trials(
             owner, contact.q, lifted.q, contact.distance_m, contact.angle_rad, n_steps,
-            is_valid, is_above, details, clearance_m,
+            is_there, is_above, is_valid, miss_m, hits, clearance_m,
         )  # fmt: skip
 
     def _descend(self, starts: Array, positions_m: Array, normals: Array) -> Descent:
@@ -206,7 +220,7 @@ class IkSearch:
         is_asked: NDArray[np.bool_],
         q: Array,
         place: str,
-        details: dict[int, str],
+        hits: dict[int, str],
         is_tight: NDArray[np.bool_],
         clearance_m: Array | None = None,
     ) -> NDArray[np.bool_]:
@@ -225,55 +239,56 @@ class IkSearch:
             hit = self.meter.collision(gaps, index) or self.meter.probe_collision(
                 float(probe_m[index]), int(geom[index])
             )
-            details[int(rows[index])] = f"{place} {hit}."
+            hits[int(rows[index])] = f"{place} {hit}."
         if clearance_m is not None:
             clearance_m[rows] = gaps.clearance_m
         return is_free
 
     def _judge(
-        self, trials: Trials, mine: NDArray[np.int64], n_before: int, earlier: IkResult | None
-    ) -> tuple[IkResult, int, int]:
-        """The result of one pose after a round, the trial it comes from, and the number of distinct answers."""
+        self,
+        trials: Trials,
+        mine: NDArray[np.int64],
+        position_m: Array,
+        normal: Array,
+        *,
+        n_before: int,
+        earlier: IkResult | None,
+    ) -> tuple[IkResult, int]:
+        """The result of one pose after a round, and the trial it comes from."""
         n_steps = int(trials.n_steps[mine].sum()) + (earlier.n_iterations if earlier else 0)
         n_restarts = n_before + len(mine) - 1
-        valid = mine[trials.is_valid[mine]]
+        valid, hits = mine[trials.is_valid[mine]], mine[trials.is_converged[mine]]
+        status, detail = IkStatus.REACHED, ""
         if len(valid):
             best = int(valid[np.argmax(comfort(self.chain, trials, valid))])
-            return (
-                self._result(trials, best, IkStatus.REACHED, n_steps, n_restarts),
-                best,
-                n_distinct(trials.q[valid]),
-            )
-        hits = mine[trials.is_converged[mine]]
-        if len(hits):
-            best, status = int(hits[0]), IkStatus.COLLISION
+        elif len(hits):
+            best = int(hits[0])
+            status, detail = IkStatus.COLLISION, trials.hits[best]
         else:
-            error = trials.distance_m[mine] + AXIS_WEIGHT_M * trials.angle_rad[mine]
-            best = int(mine[np.argmin(error)])
-            status = self._reason(trials, best)
-        result = self._result(trials, best, status, n_steps, n_restarts)
-        if earlier is not None and closeness(earlier) <= closeness(result):
+            best = closest(trials, mine)
+            status, detail = self._shortfall(trials, best, position_m, normal)
+        q, q_standoff = (self.chain.full(part[best]) for part in (trials.q, trials.q_standoff))
+        distance_m, angle_rad = float(trials.distance_m[best]), float(trials.angle_rad[best])
+        result = IkResult(status, q, q_standoff, distance_m, angle_rad, n_steps, n_restarts, detail)
+        if earlier is not None and not result.is_reached and closeness(earlier) <= closeness(result):
             result = replace(earlier, n_iterations=n_steps, n_restarts=n_restarts)
-        return result, best, 0
+        return result, best
 
-    def _reason(self, trials: Trials, row: int) -> IkStatus:
-        if "is at its limit" in trials.details.get(row, ""):
-            return IkStatus.JOINT_LIMIT
-        is_there = trials.distance_m[row] <= 10.0 * self.settings.position_tolerance_m
-        is_turned = trials.angle_rad[row] <= self.settings.angle_tolerance_rad
-        return IkStatus.AXIS if is_there and not is_turned else IkStatus.NOT_CONVERGED
-
-    def _result(self, trials: Trials, row: int, status: IkStatus, n_steps: int, n_restarts: int) -> IkResult:
-        full = self.chain.full
-        detail = "" if status is IkStatus.REACHED else trials.details.get(row, "")
-        distance_m, angle_rad = float(trials.distance_m[row]), float(trials.angle_rad[row])
-        q, q_standoff = full(trials.q[row]), full(trials.q_standoff[row])
-        return IkResult(status, q, q_standoff, distance_m, angle_rad, n_steps, n_restarts, detail)
-
-
-def frames_along(normals: Array) -> Array:
-    """Orientations whose z is each normal, of any roll, shape (N, 3, 3)."""
-    side = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    x = side - np.einsum("ij,ij->i", side, normals)[:, None] * normals
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    return np.stack([x, np.cross(normals, x), normals], axis=2).astype(np.float64)
+    def _shortfall(self, trials: Trials, row: int, position_m: Array, normal: Array) -> tuple[IkStatus, str]:
+        """Why a trial ended before the pose, or before the stand-off above it."""
+        is_there = bool(trials.is_there[row])
+        at_m = position_m - self.settings.standoff_m * normal if is_there else position_m
+        q = trials.q_standoff[row]  # equal to that at the pose where the pose was never reached
+        state = self.chain.forward(q[None])
+        distance_m, angle_rad = (float(e[0]) for e in pose_errors(state, at_m[None], normal[None]))
+        text = f"{'Above the pose' if is_there else 'At the pose'} the closest is {distance_m * 1e3:.1f} mm"
+        text += f" and {np.rad2deg(angle_rad):.1f} degrees off"
+        if limit := joint_at_limit(self.chain, q):
+            return IkStatus.JOINT_LIMIT, f"{text}; {limit}."
+        wanted_m = self.too_far_m(at_m[None], normal[None])[0]
+        stretched_m = self.too_far_m(state.tips_m, state.beams)[0]
+        if wanted_m > stretched_m + self.settings.position_tolerance_m:
+            return IkStatus.TOO_FAR, f"{text}, no joint being at its limit."
+        is_turned = angle_rad <= self.settings.angle_tolerance_rad
+        is_near = distance_m <= NEAR_TOLERANCES * self.settings.position_tolerance_m
+        return (IkStatus.AXIS if is_near and not is_turned else IkStatus.NOT_CONVERGED), f"{text}."

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import Array, Chain
-from .clearance import FAR_M
 from .descent import AXIS_WEIGHT_M
 from .ik_result import IkResult, IkStatus
 
@@ -26,26 +25,45 @@ AT_LIMIT_RAD = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Starts of one round, one row each: `owner` tells the pose, `rank` how far the start got."""
+    """Starts of one round, one row each."""
 
     owner: NDArray[np.int64]
+    """The pose that the start belongs to."""
     q: Array
+    """Where it ended at the pose."""
     q_standoff: Array
+    """Where it went on to above the pose; equal to `q` where the pose was not reached."""
     distance_m: Array
     angle_rad: Array
     n_steps: NDArray[np.int64]
-    is_valid: NDArray[np.bool_]
+    is_there: NDArray[np.bool_]
+    """Whether the pose is within tolerance."""
     is_converged: NDArray[np.bool_]
-    details: dict[int, str]
+    """Whether the stand-off is as well."""
+    is_valid: NDArray[np.bool_]
+    """Whether both are free of contacts too."""
+    miss_m: Array
+    """Error at the pose, or above it where the pose is within tolerance, angles weighted."""
+    hits: dict[int, str]
+    """What the rows touch that converged and are not valid."""
     clearance_m: Array
+
+
+def closest(trials: Trials, rows: NDArray[np.int64]) -> int:
+    """The row that came closest: those that reached the pose come first, then the smaller miss."""
+    return int(rows[np.lexsort((trials.miss_m[rows], ~trials.is_there[rows]))[0]])
 
 
 def comfort(chain: Chain, trials: Trials, rows: NDArray[np.int64]) -> Array:
     """How comfortable answers are: room to limits and to obstacles, and nearness to home, shape (len(rows),)."""
-    room = chain.limit_room(trials.q[rows]).min(axis=1) / COMFORT_ROOM_RAD
-    clear = np.minimum(trials.clearance_m[rows], FAR_M) / COMFORT_CLEARANCE_M
     from_home = np.abs(trials.q[rows] - chain.home).max(axis=1) / np.pi
-    return np.minimum(np.minimum(room, clear), 1.0) - HOME_WEIGHT * from_home
+    room = chain.limit_room(trials.q[rows]).min(axis=1)
+    return comfort_score(room, trials.clearance_m[rows]) - HOME_WEIGHT * from_home
+
+
+def comfort_score(limit_room: Array, clearance_m: Array) -> Array:
+    """From 0 (at a joint limit, or touching) to 1 (more room to limits and obstacles would gain nothing)."""
+    return np.minimum(np.minimum(limit_room / COMFORT_ROOM_RAD, clearance_m / COMFORT_CLEARANCE_M), 1.0)
 
 
 def n_distinct(q: Array) -> int:
@@ -57,15 +75,13 @@ def n_distinct(q: Array) -> int:
     return len(kept)
 
 
-def shortfall(chain: Chain, q: Array, distance_m: float, angle_rad: float) -> str:
-    """What stopped a descent: how far it ended from the pose, and the joint that stands at its limit, if one does."""
-    text = f"the closest is {distance_m * 1e3:.1f} mm and {np.rad2deg(angle_rad):.1f} degrees off"
+def joint_at_limit(chain: Chain, q: Array) -> str:
+    """A phrase naming a joint that stands at its limit, or an empty one."""
     room = chain.limit_room(q)
     joint = int(np.argmin(room))
     if room[joint] > AT_LIMIT_RAD:
-        return f"{text}, with no joint at its limit."
-    unit = "m" if chain.is_slide[joint] else "rad"
-    return f"{text}, {chain.names[joint]} is at its limit ({q[joint]:+.3f} {unit})."
+        return ""
+    return f"{chain.names[joint]} is at its limit ({q[joint]:+.3f} {'m' if chain.is_slide[joint] else 'rad'})"
 
 
 def closeness(result: IkResult) -> tuple[bool, float]:

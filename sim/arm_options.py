@@ -37,6 +37,8 @@ class ReachOptions:
     """Further starts before a pose is called unreachable, from 0 to 119."""
     seed: int = 0
     """Seed of the set of starts; it should change nothing."""
+    jobs: int = 2
+    """Processes that share the poses; the answers do not depend on it."""
     out: Path | None = None
     """Folder to write to; renders/reach-<scenario> by default."""
     overwrite: bool = False
@@ -50,6 +52,8 @@ class ReachOptions:
             raise UsageError(f"--tilt-deg {self.tilt_deg}: from 0 to 80 degrees.")
         if not 0 <= self.restarts <= 119:
             raise UsageError(f"--restarts {self.restarts}: from 0 to 119.")
+        if not 1 <= self.jobs <= 64:
+            raise UsageError(f"--jobs {self.jobs}: from 1 to 64.")
         if self.seed < 0:
             raise UsageError(f"--seed {self.seed}: 0 or more.")
 

@@ -41,7 +41,11 @@ def run_reach(options: ReachOptions) -> dict[str, Any]:
             for notice in theatre.notices:
                 print(f"note: {notice}", file=sys.stderr)
             study = study_reach(
-                search, theatre.workspace, max_tilt_rad=np.deg2rad(options.tilt_deg), show_progress=True
+                search,
+                theatre.workspace,
+                max_tilt_rad=np.deg2rad(options.tilt_deg),
+                n_jobs=options.jobs,
+                show_progress=True,
             )
             rows = study_rows(study, theatre, search.chain)
             for row in rows:
@@ -112,6 +116,7 @@ def _summary(options: ReachOptions, scenario: str, study: ReachStudy) -> dict[st
         "scenario": scenario,
         "arm": options.arm,
         "seed": options.seed,
+        "jobs": options.jobs,
         "n_poses": n_poses,
         "n_reached": int(reached.sum()),
         "reached_fraction": float(reached.mean()),

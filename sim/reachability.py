@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from planner import Workspace
 
+from .pose_pool import chunk_answers
 from .regions import contact_regions
 from .world.ik_result import IkResult, IkStatus
 from .world.ik_search import CHUNK, Answers, IkSearch
@@ -55,7 +56,12 @@ class ReachStudy:
 
 
 def study_reach(
-    search: IkSearch, workspace: Workspace, *, max_tilt_rad: float = 0.0, show_progress: bool = False
+    search: IkSearch,
+    workspace: Workspace,
+    *,
+    max_tilt_rad: float = 0.0,
+    n_jobs: int = 1,
+    show_progress: bool = False,
 ) -> ReachStudy:
     """Ask every pose of a workspace of an arm.
 
@@ -64,6 +70,7 @@ def study_reach(
         workspace: The poses.
         max_tilt_rad: Poses that are not reached are asked for again with the beam tilted off the normal by up to this
             [rad], in [0, pi/2).
+        n_jobs: Processes that share the poses; the answers do not depend on it.
         show_progress: Draw a progress bar on stderr.
 
     Raises:
@@ -72,7 +79,7 @@ def study_reach(
     if not 0.0 <= max_tilt_rad < np.pi / 2:
         raise ValueError(f"max_tilt_rad={max_tilt_rad}: from 0 to below pi/2.")
     start_s = perf_counter()
-    answers = _search_all(search, workspace, show_progress)
+    answers = _search_all(search, workspace, n_jobs, show_progress)
     search_s = perf_counter() - start_s
     is_reached, q = answers.is_reached, answers.q[:, search.chain.columns]
     limit_room = np.where(is_reached, search.chain.limit_room(q).min(axis=1), np.nan)
@@ -91,13 +98,17 @@ def study_reach(
     )
 
 
-def _search_all(search: IkSearch, workspace: Workspace, show_progress: bool) -> Answers:
+def _search_all(search: IkSearch, workspace: Workspace, n_jobs: int, show_progress: bool) -> Answers:
+    """Every pose by chunks, which are the same for any number of processes, and so are the answers."""
+    chunks = [slice(first, first + CHUNK) for first in range(0, workspace.n_poses, CHUNK)]
     parts: list[Answers] = []
-    with tqdm(total=workspace.n_poses, desc="reach", unit="pose", disable=not show_progress) as progress:
-        for first in range(0, workspace.n_poses, CHUNK):
-            chunk = slice(first, first + CHUNK)
-            parts.append(search.search(workspace.positions_m[chunk], workspace.normals[chunk]))
-            progress.update(len(parts[-1].results))
+    with (
+        chunk_answers(search, workspace, chunks, n_jobs=n_jobs) as answers,
+        tqdm(total=workspace.n_poses, desc="reach", unit="pose", disable=not show_progress) as progress,
+    ):
+        for part in answers:
+            parts.append(part)
+            progress.update(len(part.results))
     return Answers.joined(parts)
 
 

@@ -13,11 +13,13 @@ from planner import Workspace
 from sim.arm_options import IkOptions
 from sim.cli import main
 from sim.explanation import explain_in
+from sim.pose_pool import chunk_answers
 from sim.reachability import study_reach, tilted
 from sim.regions import contact_regions
 from sim.scenarios import load_scenario
 from sim.theatre import arm_named, build_theatre
 from sim.world.clearance import FAR_M
+from sim.world.ik_search import Answers
 
 GANTRY = """<mujoco><compiler angle="radian"/>
 <default><default class="g"><geom size="0.02" contype="0" conaffinity="0"/></default></default>
@@ -167,6 +169,16 @@ def test_tilting_only_adds_poses(study) -> None:
     added = study.tilt_rad[~study.is_reached]
     assert np.isfinite(added).any()  # the far margin needs a few degrees
     assert set(np.round(np.rad2deg(added[np.isfinite(added)]), 6)) <= {7.5, 15.0}
+
+
+def test_the_number_of_processes_changes_no_byte(theatre, search) -> None:
+    workspace, chunks = theatre.workspace, [slice(0, 20), slice(20, 40)]
+    with chunk_answers(search, workspace, chunks, n_jobs=1) as answers:
+        alone = Answers.joined(list(answers))
+    with chunk_answers(search, workspace, chunks, n_jobs=2) as answers:
+        shared = Answers.joined(list(answers))
+    assert alone.q.tobytes() == shared.q.tobytes()
+    assert alone.is_reached.tolist() == shared.is_reached.tolist()
 
 
 def test_tilted_directions_are_at_the_angle() -> None:

@@ -20,6 +20,8 @@ from .trials import Trials, closeness, closest, comfort, joint_at_limit, n_disti
 
 CHUNK = 256
 """Poses searched together: enough that NumPy's calls are cheap, few enough that the arrays stay in the cache."""
+SURE_STARTS = 12
+"""After this many starts a pose is given up whose closest answer is the stretched arm, at no limit and free."""
 NEAR_TOLERANCES = 10.0
 """Within this many tolerances of the position it is the beam that fails."""
 SURE_M = 0.001
@@ -123,6 +125,8 @@ class IkSearch:
                     is_open[row] = False
                     clearance_m[row] = trials.clearance_m[best]
                     n_solutions[row] = n_distinct(trials.q[mine[trials.is_valid[mine]]])
+                elif last > SURE_STARTS and result.status is IkStatus.TOO_FAR:
+                    is_open[row] = False
             first, count = first + count, 2 * count
         return Answers([result for result in results if result is not None], clearance_m, n_solutions)
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import csv
 import json
+import re
+import shlex
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
 from planner import Workspace
-from sim.arm_options import IkOptions
-from sim.cli import main
+from sim.arm_options import IkOptions, ReachOptions
+from sim.cli import _parse, main
 from sim.explanation import explain_in
 from sim.pose_pool import chunk_answers
 from sim.reachability import study_reach, tilted
@@ -21,6 +24,7 @@ from sim.theatre import arm_named, build_theatre
 from sim.world.clearance import FAR_M
 from sim.world.ik_search import Answers
 
+ROOT = Path(__file__).resolve().parents[1]
 GANTRY = """<mujoco><compiler angle="radian"/>
 <default><default class="g"><geom size="0.02" contype="0" conaffinity="0"/></default></default>
 <worldbody><body pos="0.5 0 1"><joint name="x" type="slide" axis="1 0 0" range="-0.3 0.3"/>
@@ -212,3 +216,15 @@ def test_any_arm_is_studied_and_its_limits_hold(tmp_path, theatre) -> None:
     assert study.is_reached[flange_y_m > 0.0].any()
     assert "joint_limit" in study.reasons()
     assert study.n_solutions.max() == 1  # five joints, five conditions
+
+
+def test_the_pages_commands_are_understood_and_its_modules_exist() -> None:
+    page = (ROOT / "docs" / "reach.md").read_text(encoding="utf-8")
+    lines = [
+        line for block in re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL) for line in block.splitlines()
+    ]
+    parsed = [_parse(shlex.split(line, comments=True)[1:]) for line in lines]
+    assert {type(options) for options in parsed} == {ReachOptions, IkOptions}
+    named = set(re.findall(r"`(?:sim/world/)?([a-z_]+\.py)`", page))
+    assert len(named) >= 4
+    assert named <= {path.name for path in (ROOT / "sim" / "world").glob("*.py")}

@@ -85,7 +85,10 @@ def _reach(options: ReachOptions) -> int:
     try:
         summary = run_reach(options)
     except KeyboardInterrupt:
-        print("sounding: interrupted; a study is written at its end, so nothing was.", file=sys.stderr)
+        print(
+            "sounding: interrupted; a study writes its table at the end, so the folder is marked unfinished.",
+            file=sys.stderr,
+        )
         return EXIT_INTERRUPTED
     print(reach_table(summary))
     return 0

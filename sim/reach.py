@@ -47,6 +47,8 @@ def run_reach(options: ReachOptions) -> dict[str, Any]:
                 n_jobs=options.jobs,
                 show_progress=True,
             )
+            if not study.is_reached.any():
+                print(f"note: {_far_organ(theatre)}", file=sys.stderr)
             rows = study_rows(study, theatre, search.chain)
             for row in rows:
                 folder.append_row("reach.csv", row)
@@ -91,6 +93,16 @@ def study_rows(study: ReachStudy, theatre: Theatre, chain: Chain) -> list[dict[s
         }
         rows.append({key: None if _is_nan(value) else value for key, value in row.items()})
     return rows
+
+
+def _far_organ(theatre: Theatre) -> str:
+    """Where the organ lies and how large it is, for a study that reaches nothing."""
+    low_m, high_m = theatre.placed.organ.bounds_m
+    away_m, size_m = float(np.linalg.norm((low_m + high_m) / 2.0)), float((high_m - low_m).max())
+    return (
+        f"no pose is reached. The organ's middle is {away_m:.2f} m from the world's origin, where the arm's base is, "
+        f"and the organ is {size_m * 1e3:.0f} mm long; is its place in metres and its --unit right?"
+    )
 
 
 def _is_nan(value: Any) -> bool:
@@ -148,7 +160,7 @@ def _parquet_writer() -> Any:
     try:
         import pyarrow.parquet as parquet  # pyright: ignore[reportMissingImports]  # an extra
     except ImportError as error:
-        raise UsageError("--parquet needs pyarrow: pip install 'sounding[parquet]'.") from error
+        raise UsageError("--parquet needs pyarrow: pip install pyarrow.") from error
     return parquet
 
 

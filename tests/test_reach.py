@@ -168,6 +168,21 @@ def test_an_unreached_pose_ends_with_exit_code_1(capsys) -> None:
     assert "beyond the stretched arm" in capsys.readouterr().out
 
 
+def test_an_organ_out_of_reach_is_studied_and_the_likely_mistake_is_named(tmp_path, capsys) -> None:
+    """Its place was given in millimetres: 500 m away."""
+    (tmp_path / "far.toml").write_text(
+        COARSE + "organ_position_m = [500.0, 0.0, 0.0]\norgan_quaternion = [1.0, 0.0, 0.0, 0.0]\n"
+    )
+    out = tmp_path / "out"
+    assert (
+        main(["reach", "--scenario", str(tmp_path / "far.toml"), "--out", str(out), "--tilt-deg", "10"]) == 0
+    )
+    assert "no pose is reached. The organ's middle is 500" in capsys.readouterr().err
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["reached_fraction"], summary["n_regions"]) == (0.0, 0)
+    assert set(summary["reasons"]) == {"too_far"}
+
+
 def test_tilting_only_adds_poses(study) -> None:
     assert np.array_equal(study.tilt_rad == 0.0, study.is_reached)
     added = study.tilt_rad[~study.is_reached]

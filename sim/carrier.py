@@ -12,7 +12,9 @@ from planner import Workspace
 
 from .world.clearance import Clearance
 from .world.distance_grid import DistanceGrid
-from .world.kinematics import IkResult, IkSettings, IkStatus, Kinematics
+from .world.ik_result import IkResult, IkStatus
+from .world.ik_settings import IkSettings
+from .world.kinematics import Kinematics
 from .world.scene import Scene
 
 

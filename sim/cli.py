@@ -11,12 +11,13 @@ import tyro
 
 from planner import PlannerError
 
+from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
-EXIT_BAD_INPUT, EXIT_INTERRUPTED = 2, 130
+EXIT_NOT_REACHED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class DoctorOptions:
     """Say what is installed, which OpenGL works and how fast it draws, and what to do about each red line."""
 
 
-COMMANDS = {"episode": EpisodeOptions, "doctor": DoctorOptions}
+COMMANDS = {"episode": EpisodeOptions, "reach": ReachOptions, "ik": IkOptions, "doctor": DoctorOptions}
 DESCRIPTION = (
     "Sounding plans where a robot arm presses an ultrasound-like probe on an organ, so that hidden tumours are "
     "mapped in few sensing actions."
@@ -40,6 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             from .doctor import run_doctor
 
             return 0 if run_doctor().is_healthy else 1
+        if isinstance(options, ReachOptions):
+            return _reach(options)
+        if isinstance(options, IkOptions):
+            return _ik(options)
         return _episode(options)
     except (UsageError, WorldError, PlannerError) as error:
         print(f"sounding: {error}", file=sys.stderr)
@@ -71,6 +76,30 @@ def _episode(options: EpisodeOptions) -> int:
         return EXIT_INTERRUPTED
     print(episode_table(summary))
     return 0
+
+
+def _reach(options: ReachOptions) -> int:
+    from .reach import run_reach
+    from .tables import reach_table
+
+    try:
+        summary = run_reach(options)
+    except KeyboardInterrupt:
+        print(
+            "sounding: interrupted; a study writes its table at the end, so the folder is marked unfinished.",
+            file=sys.stderr,
+        )
+        return EXIT_INTERRUPTED
+    print(reach_table(summary))
+    return 0
+
+
+def _ik(options: IkOptions) -> int:
+    from .explanation import explain_pose
+
+    explanation = explain_pose(options)
+    print(explanation.text)
+    return 0 if explanation.is_reached else EXIT_NOT_REACHED
 
 
 if __name__ == "__main__":

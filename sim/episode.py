@@ -15,7 +15,7 @@ from planner import Planner, Situation
 
 from .stage import Stage
 from .truth import Truth, make_truth
-from .world.kinematics import IkResult
+from .world.ik_result import IkResult
 from .world.probe import Probe, ProbeSettings, Reading
 
 

@@ -25,7 +25,16 @@ from .errors import UsageError
 
 MANIFEST = "manifest.json"
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp")
-WRITTEN = ("config.json", "steps.csv", "skipped.csv", "states.csv", "summary.json", "map.npz")
+WRITTEN = (
+    "config.json",
+    "steps.csv",
+    "skipped.csv",
+    "states.csv",
+    "summary.json",
+    "map.npz",
+    "reach.csv",
+    "reach.parquet",
+)
 """Files of a run besides the manifest, figures and frames."""
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import sys
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -23,6 +22,7 @@ from .options import EpisodeOptions
 from .recording import RunFolder, check_out_folder
 from .run_figures import draw_run_figures
 from .stage import Stage, build_stage
+from .theatre import arm_named
 from .world.arm import ArmModel
 from .world.rendering import SceneRenderer
 
@@ -55,11 +55,7 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     """The arm that the options name, None for a free-flying probe."""
     if options.arm == "none":
         return None
-    return (
-        ArmModel(flange=options.flange)
-        if options.arm == "default"
-        else ArmModel(path=Path(options.arm), flange=options.flange)
-    )
+    return arm_named(options.arm, options.flange)
 
 
 def run_episode(options: EpisodeOptions) -> dict[str, Any]:

@@ -73,9 +73,9 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     Raises:
         WorldError: A mesh or an arm that cannot be used.
     """
-    placed, notices = _placed(scenario)
+    placed, notices = placed_organ(scenario)
     organ = placed.organ
-    workspace = _workspace(scenario, placed)
+    workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
     empty = build_anatomy(organ, name=scenario.name, rng=np.random.default_rng(0))
     scene = build_scene(empty, cone, arm=arm)
@@ -114,8 +114,12 @@ def _hinge_mask(
     return organ_distance.distance_m(hinges.points_m()) <= reach_m
 
 
-def _placed(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
-    """Organ and given tumours in the world, and the notices of their files."""
+def placed_organ(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
+    """Organ and given tumours in the world, and the notices of their files.
+
+    Raises:
+        WorldError: A mesh that cannot be used.
+    """
     if scenario.organ == PAPER_ORGAN:
         organ, notices = paper_organ().solid, []
     else:
@@ -139,7 +143,8 @@ def _put_in_world(scenario: Scenario, organ: Solid, tumours: tuple[Solid, ...]) 
     return lay_on_table(organ, tumours)
 
 
-def _workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
+def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
+    """The sensing poses of a scenario: the paper's own, or even positions on the organ's upper surface."""
     if scenario.organ == PAPER_ORGAN:
         surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
     else:

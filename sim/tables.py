@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 ROWS = (
@@ -18,15 +18,47 @@ ROWS = (
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
 
+REACH_ROWS = (
+    ("poses", "n_poses", "{}"),
+    ("reached", "reached_fraction", "{:.2%}"),
+    ("share in the largest connected region", "largest_region_fraction", "{:.2%}"),
+    ("connected regions", "n_regions", "{}"),
+    ("score, median", "score_median", "{:.2f}"),
+    ("clearance, tenth percentile [m]", "clearance_m_p10", "{:.3f}"),
+    ("distance to joint limits, tenth percentile [rad]", "joint_limit_distance_rad_p10", "{:.2f}"),
+    ("poses a second", "poses_per_s", "{:.0f}"),
+    ("time in all [s]", "wall_s", "{:.1f}"),
+)
+
 
 def episode_table(summary: Mapping[str, Any]) -> str:
     """The results of an episode as an aligned table, ending with the folder that holds them."""
     head = (
         f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
     )
-    lines = [head, "-" * len(head)]
-    width = max(len(label) for label, *_ in ROWS)
-    for label, key, form in ROWS:
+    return "\n".join([head, "-" * len(head), *_lines(ROWS, summary), f"written to {summary['folder']}"])
+
+
+def reach_table(summary: Mapping[str, Any]) -> str:
+    """The results of a reachability study as an aligned table, ending with the folder that holds them."""
+    head = f"{summary['scenario']}, arm {summary['arm']}"
+    reasons = [
+        f"not reached, {name.replace('_', ' ')}: {count}"
+        for name, count in summary["reasons"].items()
+        if name != "reached"
+    ]
+    tilts = [
+        f"reached with a tilt of up to {tilt} degrees: {share:.2%}"
+        for tilt, share in summary["reached_fraction_by_tilt_deg"].items()
+    ]
+    lines = [*_lines(REACH_ROWS, summary), *reasons, *tilts]
+    return "\n".join([head, "-" * len(head), *lines, f"written to {summary['folder']}"])
+
+
+def _lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> list[str]:
+    width = max(len(label) for label, *_ in rows)
+    lines = []
+    for label, key, form in rows:
         value = summary.get(key)
         lines.append(f"{label:<{width}}  {'–' if value is None else form.format(value)}")
-    return "\n".join([*lines, f"written to {summary['folder']}"])
+    return lines

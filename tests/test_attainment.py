@@ -7,7 +7,7 @@ import numpy as np
 from planner import Workspace, visibility
 from sim.attainment import attainable
 from sim.carrier import Carrier
-from sim.world.kinematics import IkResult, IkStatus
+from sim.world.ik_result import IkResult, IkStatus
 
 
 class PickyCarrier(Carrier):

@@ -13,7 +13,7 @@ from planner import Planner, make_planner
 from sim.carrier import Carrier
 from sim.episode import Episode
 from sim.stage import Stage
-from sim.world.kinematics import IkResult, IkStatus
+from sim.world.ik_result import IkResult, IkStatus
 
 PAPER_MAP = MapSettings.paper()
 

@@ -11,7 +11,9 @@ from sim.carrier import ArmCarrier
 from sim.world.arm import ArmModel
 from sim.world.clearance import FACE_RADIUS_M, Clearance
 from sim.world.distance_grid import DistanceGrid
-from sim.world.kinematics import IkSettings, IkStatus, Kinematics
+from sim.world.ik_result import IkStatus
+from sim.world.ik_settings import IkSettings
+from sim.world.kinematics import Kinematics
 from sim.world.scene import build_scene
 from sim.world.solid import Solid
 

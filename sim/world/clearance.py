@@ -24,6 +24,10 @@ PROBE_MARGIN_M = 0.0
 """The probe's flanks may come as close as they like, but not under the surface."""
 SURFACE_SPACING_M = 0.004
 """Spacing of the points that stand for a probe geom's surface."""
+FAR_M = 0.1
+"""Distances beyond this are not measured further when many states are looked at."""
+PROBE_FAR_M = 0.003
+"""The same for the probe, which is meant to be near."""
 MAX_MESH_POINTS = 200
 """Vertices of an arm's mesh geom that stand for it."""
 
@@ -59,9 +63,8 @@ class Clearance:
         self._margin_m = np.where(is_probe, PROBE_MARGIN_M, ARM_MARGIN_M)
         # The spheres are centred in the geom's frame; how far they reach from its origin bounds each geom.
         self._bound_m = np.array([np.max(np.linalg.norm(at, axis=1) + radius_m) for at, radius_m in covers])
-        self._probe_points_m, self._probe_geom = _in_tip_frame(
-            model, self._geoms[is_probe], self._covers, self._tip_id
-        )
+        self._is_probe = is_probe
+        self._probe_points_m = _in_tip_frame(model, self._geoms[is_probe], self._covers, self._tip_id)
 
     def collision(self, data: mujoco.MjData) -> Collision | None:
         """The worst forbidden contact of a state, or None when it is free.
@@ -73,7 +76,7 @@ class Clearance:
         if data.ncon:
             worst = min(data.contact[: data.ncon], key=lambda contact: contact.dist)
             if worst.dist < 0.0:
-                return Collision((self._name(worst.geom1), self._name(worst.geom2)), float(worst.dist))
+                return Collision((self.name(worst.geom1), self.name(worst.geom2)), float(worst.dist))
         near_m = self._grid.distance_m(data.geom_xpos[self._geoms]) - self._bound_m
         for index in np.flatnonzero(near_m < self._margin_m):
             geom = int(self._geoms[index])
@@ -81,7 +84,7 @@ class Clearance:
             points_m = data.geom_xpos[geom] + at @ data.geom_xmat[geom].reshape(3, 3).T
             distance_m = float(np.min(self._grid.distance_m(points_m) - radius_m))
             if distance_m < self._margin_m[index]:
-                return Collision((self._name(geom), "organ"), distance_m)
+                return Collision((self.name(geom), "organ"), distance_m)
         return None
 
     def probe_collision(self, T_world_probe: NDArray[np.float64]) -> Collision | None:
@@ -92,14 +95,72 @@ class Clearance:
         Args:
             T_world_probe: Frame of the tip, shape (4, 4).
         """
-        points_m = self._probe_points_m @ T_world_probe[:3, :3].T + T_world_probe[:3, 3]
-        distance_m = self._grid.distance_m(points_m)
-        index = int(np.argmin(distance_m))
-        if distance_m[index] >= PROBE_MARGIN_M:
+        distance_m, geom = self.probe_distances(T_world_probe[None, :3, 3], T_world_probe[None, :3, :3])
+        if distance_m[0] >= PROBE_MARGIN_M:
             return None
-        return Collision((self._name(int(self._probe_geom[index])), "organ"), float(distance_m[index]))
+        return Collision((self.name(int(geom[0])), "organ"), float(distance_m[0]))
 
-    def _name(self, geom: int) -> str:
+    def probe_distances(
+        self, tips_m: NDArray[np.float64], R_world_tip: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """How far the probe, but for its face, is from the organ at many frames of its tip.
+
+        Args:
+            tips_m: Positions of the tip [m], shape (N, 3).
+            R_world_tip: Its orientations, shape (N, 3, 3).
+
+        Returns:
+            Signed distances [m] and ids of the closest geoms, shape (N,) each. Beyond `PROBE_FAR_M` it is
+            a lower bound.
+        """
+        least_m, closest = np.full(len(tips_m), np.inf), np.zeros(len(tips_m), dtype=np.int64)
+        for geom, points_m in self._probe_points_m.items():
+            centre_m = points_m.mean(axis=0)
+            reach_m = float(np.linalg.norm(points_m - centre_m, axis=1).max())
+            distance_m = self._grid.distance_m(tips_m + R_world_tip @ centre_m) - reach_m
+            near = np.flatnonzero((distance_m < PROBE_FAR_M) & (distance_m < least_m))
+            if not len(near):
+                least_m = np.minimum(least_m, distance_m)
+                continue
+            world_m = tips_m[near, None] + points_m @ R_world_tip[near].transpose(0, 2, 1)
+            distance_m[near] = (
+                self._grid.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(points_m)).min(axis=1)
+            )
+            is_less = distance_m < least_m
+            least_m, closest = np.where(is_less, distance_m, least_m), np.where(is_less, geom, closest)
+        return least_m, closest
+
+    def arm_distances(
+        self, geoms_m: NDArray[np.float64], R_world_geoms: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """How far the arm, without the probe, is from the organ in many configurations.
+
+        Args:
+            geoms_m: Positions of all geoms of the scene [m], shape (N, n_geoms, 3).
+            R_world_geoms: Their orientations, shape (N, n_geoms, 3, 3).
+
+        Returns:
+            Signed distances [m], beyond `FAR_M` a lower bound, and ids of the closest geoms, shape (N,) each.
+        """
+        arm = self._geoms[~self._is_probe]
+        n = len(geoms_m)
+        bound_m = self._grid.distance_m(geoms_m[:, arm].reshape(-1, 3)).reshape(n, -1)
+        bound_m -= self._bound_m[~self._is_probe]
+        for column, geom in enumerate(arm):
+            near = np.flatnonzero(bound_m[:, column] < FAR_M)
+            if not len(near):
+                continue
+            at, radius_m = self._covers[int(geom)]
+            world_m = geoms_m[near, geom][:, None] + at @ R_world_geoms[near, geom].transpose(0, 2, 1)
+            gaps_m = self._grid.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at)) - radius_m
+            bound_m[near, column] = gaps_m.min(axis=1)
+        if not len(arm):
+            return np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+        closest = np.argmin(bound_m, axis=1)
+        return bound_m[np.arange(n), closest], arm[closest]
+
+    def name(self, geom: int) -> str:
+        """The name of a geom, or of its body where it has none."""
         body = self._model.body(self._model.geom_bodyid[geom]).name
         return self._model.geom(geom).name or body
 
@@ -109,15 +170,14 @@ def _in_tip_frame(
     geoms: NDArray[np.int64],
     covers: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]],
     tip_id: int,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The probe's cover points in the tip's frame (N, 3) [m], and their geoms (N,)."""
+) -> dict[int, NDArray[np.float64]]:
+    """The cover points of each of the probe's geoms in the tip's frame [m], shape (N, 3)."""
     R_body_tip = _rotation(model.site_quat[tip_id])
-    parts = []
-    for geom in geoms:
-        in_body_m = covers[int(geom)][0] @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
-        parts.append((in_body_m - model.site_pos[tip_id]) @ R_body_tip)
-    owner = np.repeat(geoms, [len(part) for part in parts])
-    return np.vstack(parts), owner
+    points_m = {}
+    for geom in geoms.tolist():
+        in_body_m = covers[geom][0] @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
+        points_m[geom] = (in_body_m - model.site_pos[tip_id]) @ R_body_tip
+    return points_m
 
 
 def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,9 +190,10 @@ def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
 def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Sphere centres in the geom's frame (N, 3) [m] and radii (N,) [m] that stand for one geom."""
     is_probe = model.geom_bodyid[geom] == model.site_bodyid[tip_id]
-    if not is_probe and model.geom_type[geom] in (
-        mujoco.mjtGeom.mjGEOM_CAPSULE,
-        mujoco.mjtGeom.mjGEOM_SPHERE,
+    # int() for MuJoCo's enums: `in` compares them with NumPy's integers the wrong way round and finds nothing.
+    if not is_probe and int(model.geom_type[geom]) in (
+        int(mujoco.mjtGeom.mjGEOM_CAPSULE),
+        int(mujoco.mjtGeom.mjGEOM_SPHERE),
     ):
         return _axis_spheres(model, geom)
     points_m = _surface_points(model, geom)

@@ -66,7 +66,16 @@ class DistanceGrid:
         Returns:
             Shape (N,), positive outside the solid.
         """
-        return self.distance_and_gradient(points_m)[0]
+        points = check_points(points_m)
+        high = self.origin_m + self.spacing_m * (np.array(self.values_m.shape) - 1)
+        inside = np.clip(points, self.origin_m, high)
+        value = self._interpolated(inside)
+        beyond = points - inside
+        squared = beyond[:, 0] ** 2 + beyond[:, 1] ** 2 + beyond[:, 2] ** 2
+        is_beyond = squared > 0.0
+        if is_beyond.any():
+            value[is_beyond] = np.sqrt(squared[is_beyond] + value[is_beyond] ** 2)
+        return value
 
     def distance_and_gradient(self, points_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Signed distance [m] and its gradient at each point.
@@ -94,6 +103,23 @@ class DistanceGrid:
             gradient[is_beyond] += beyond[is_beyond] / bound[:, None]
             value[is_beyond] = bound
         return value, gradient
+
+    def _interpolated(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The value alone: a third of the work of value and gradient."""
+        _, ny, nz = self.values_m.shape
+        scaled = (points - self.origin_m) / self.spacing_m
+        cell = np.minimum(scaled.astype(np.int64), np.array(self.values_m.shape) - 2)
+        u, v, w = (scaled - cell).T
+        first = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]
+        values_m = self.values_m.reshape(-1)
+
+        lines_m = []  # interpolated along z, at the four corners in x and y
+        for offset in (0, nz, ny * nz, ny * nz + nz):
+            below = values_m.take(first + offset)
+            lines_m.append(below + w * (values_m.take(first + (offset + 1)) - below))
+        front = lines_m[0] + v * (lines_m[1] - lines_m[0])
+        back = lines_m[2] + v * (lines_m[3] - lines_m[2])
+        return front + u * (back - front)
 
     def _trilinear(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         scaled = (points - self.origin_m) / self.spacing_m

@@ -15,6 +15,9 @@ class IkStatus(Enum):
     REACHED = "The pose is reached."
     TOO_FAR = "The pose lies beyond the stretched arm; move the base or the organ closer."
     JOINT_LIMIT = "The arm ran into its joint limits; move the base, or choose a pose with another normal."
+    AXIS = (
+        "The tip gets there, but the beam cannot be turned along the normal; allow a tilt, or move the base."
+    )
     COLLISION = "Every answer found collides; move the base or the organ, or choose another pose."
     NOT_CONVERGED = "No answer was found; allow more restarts, or choose another pose."
 

@@ -1,0 +1,119 @@
+"""The program behind `sounding ik`: one sensing pose, explained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from .arm_options import IkOptions
+from .scenarios import load_scenario
+from .theatre import Theatre, arm_named, build_theatre
+from .world.clearance import FAR_M
+from .world.gaps import Gaps
+from .world.ik_result import IkResult
+from .world.ik_search import IkSearch
+from .world.ik_settings import IkSettings
+
+METRES_MM = 3.0
+"""A position all of whose numbers are below this was likely given in metres."""
+ON_SURFACE_M = 1e-3
+"""A position this close to the organ's surface is said to lie on it."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What there is to say about a pose."""
+
+    is_reached: bool
+    text: str
+    """Lines for a terminal."""
+
+
+def explain_pose(options: IkOptions) -> Explanation:
+    """Solve a pose and say everything that a person needs to understand the answer.
+
+    Raises:
+        UsageError, WorldError: Something asked for cannot be done.
+    """
+    with threadpool_limits(limits=1):
+        theatre = build_theatre(load_scenario(options.scenario), arm_named(options.arm, options.flange))
+        return explain_in(theatre, options)
+
+
+def explain_in(theatre: Theatre, options: IkOptions) -> Explanation:
+    """As `explain_pose`, in a theatre that stands already: scenario and arm of the options are not looked at."""
+    position_m = np.array(options.position_mm) * 1e-3
+    normal = np.array(options.normal, dtype=np.float64)
+    normal /= np.linalg.norm(normal)
+    search = theatre.make_search(IkSettings(standoff_m=options.standoff_mm * 1e-3))
+    answers = search.search(position_m[None], normal[None])
+    result = answers.results[0]
+    gaps = search.meter.measure(np.stack([result.q, result.q_standoff]))
+    lines = [
+        *_pose_lines(options, theatre, position_m, normal),
+        f"answer           {'reached' if result.is_reached else 'not reached'}: {result.explain()}",
+    ]
+    if result.n_iterations == 0:  # decided without a search: no joints are worth showing
+        return Explanation(result.is_reached, "\n".join([*lines, "effort           none, decided at once"]))
+    lines.append(f"position error   {result.position_error_m * 1e3:.3f} mm")
+    lines.append(f"beam error       {np.rad2deg(result.angle_error_rad):.3f} degrees")
+    if result.is_reached:
+        lines.append(f"clearance        {_clearance(theatre, gaps, 0)} at the pose")
+        if options.standoff_mm > 0:
+            lines.append(f"                 {_clearance(theatre, gaps, 1)} at the stand-off")
+        lines.append(f"answers          {answers.n_solutions[0]} distinct among the first starts")
+    lines.append(f"effort           {result.n_restarts + 1} starts, {result.n_iterations} steps")
+    return Explanation(result.is_reached, "\n".join([*lines, "", *_joint_lines(search, result)]))
+
+
+def _pose_lines(
+    options: IkOptions, theatre: Theatre, position_m: NDArray[np.float64], normal: NDArray[np.float64]
+) -> list[str]:
+    """The pose itself, and where it lies relative to the organ."""
+    x, y, z = options.position_mm
+    lines = [
+        f"position         {x:.1f} {y:.1f} {z:.1f} mm, {_place(theatre, position_m)}",
+        f"beam             {normal[0]:+.3f} {normal[1]:+.3f} {normal[2]:+.3f}",
+    ]
+    if 0.0 < max(abs(value) for value in options.position_mm) < METRES_MM:
+        lines.append("note             the position is in millimetres; was it given in metres?")
+    return lines
+
+
+def _place(theatre: Theatre, position_m: NDArray[np.float64]) -> str:
+    distance_m = float(theatre.organ_distance.distance_m(position_m[None])[0])
+    if abs(distance_m) <= ON_SURFACE_M:
+        return "on the organ's surface"
+    side = "outside" if distance_m > 0 else "inside"
+    return f"{abs(distance_m) * 1e3:.0f} mm {side} the organ"
+
+
+def _clearance(theatre: Theatre, gaps: Gaps, index: int) -> str:
+    """How far the closest pair is apart, and which it is."""
+    contact_m, organ_m = float(gaps.contact_m[index]), float(gaps.organ_m[index])
+    if min(contact_m, organ_m) >= FAR_M:
+        return f"{FAR_M * 1e3:.0f} mm or more"
+    name = theatre.clearance.name
+    if organ_m < contact_m:
+        return f"{organ_m * 1e3:.0f} mm ({name(int(gaps.organ_geom[index]))} to the organ)"
+    first, second = (name(int(geom)) for geom in gaps.contact_pair[index])
+    return f"{contact_m * 1e3:.0f} mm ({first} to {second})"
+
+
+def _joint_lines(search: IkSearch, result: IkResult) -> list[str]:
+    """A table of the joints: position, room to the nearer limit, position at the stand-off."""
+    chain = search.chain
+    heads = ("joint", "here", "to its limit", "at the stand-off")
+    title = "" if result.is_reached else "the closest answer found:\n"
+    lines = [f"{title}{heads[0]:<14}{heads[1]:>16}{heads[2]:>16}{heads[3]:>18}"]
+    q, q_standoff = result.q[chain.columns], result.q_standoff[chain.columns]
+    room = chain.limit_room(q)
+    for i, name in enumerate(chain.names):
+        unit, scale = ("mm", 1e3) if chain.is_slide[i] else ("deg", 180.0 / np.pi)
+        left = "no limit" if np.isinf(room[i]) else f"{room[i] * scale:.1f} {unit}"
+        here, above = f"{q[i] * scale:+.1f} {unit}", f"{q_standoff[i] * scale:+.1f} {unit}"
+        lines.append(f"{name:<14}{here:>16}{left:>16}{above:>18}")
+    return lines

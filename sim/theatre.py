@@ -1,0 +1,80 @@
+"""The operating theatre: an organ in place before an arm, for programs that ask the arm alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from planner import Cone, Workspace
+
+from .errors import UsageError
+from .scenarios import Scenario
+from .stage import make_workspace, placed_organ
+from .world.anatomy import build_anatomy
+from .world.arm import ArmModel
+from .world.clearance import Clearance
+from .world.distance_grid import DistanceGrid
+from .world.ik_search import IkSearch
+from .world.ik_settings import IkSettings
+from .world.placement import PlacedOrgan
+from .world.scene import Scene, build_scene
+
+ORGAN_MARGIN_M = 0.04
+"""The distance grid reaches this far beyond the organ; a clearance farther out is a lower bound."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Theatre:
+    """An organ in place, its workspace, and the arm that shall reach it."""
+
+    scenario: Scenario
+    placed: PlacedOrgan
+    """The organ in the world."""
+    scene: Scene
+    organ_distance: DistanceGrid
+    clearance: Clearance
+    notices: tuple[str, ...]
+    """What was repaired or is unusual about the files."""
+
+    @cached_property
+    def workspace(self) -> Workspace:
+        """The scenario's sensing poses, made when first asked for."""
+        return make_workspace(self.scenario, self.placed)
+
+    def make_search(self, settings: IkSettings | None = None) -> IkSearch:
+        """The inverse kinematics of this theatre's arm."""
+        return IkSearch(self.scene, self.clearance, settings)
+
+
+def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
+    """Load and place a scenario's organ before an arm.
+
+    Raises:
+        WorldError: A mesh or an arm that cannot be used.
+    """
+    placed, notices = placed_organ(scenario)
+    anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
+    scene = build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)
+    organ_distance = DistanceGrid.from_solid(placed.organ, margin_m=ORGAN_MARGIN_M)
+    return Theatre(
+        scenario=scenario,
+        placed=placed,
+        scene=scene,
+        organ_distance=organ_distance,
+        clearance=Clearance(scene, organ_distance),
+        notices=notices,
+    )
+
+
+def arm_named(arm: str, flange: str) -> ArmModel:
+    """The arm that a command line names: `default` or the path of an MJCF file.
+
+    Raises:
+        UsageError: `none`, which no question about an arm can be asked of.
+    """
+    if arm == "none":
+        raise UsageError("--arm none: a free-flying probe reaches every pose. Name an arm, or `default`.")
+    return ArmModel(flange=flange) if arm == "default" else ArmModel(path=Path(arm), flange=flange)

@@ -1,0 +1,54 @@
+"""Tolerances and effort of the inverse kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+PROBE_LENGTH_M = 0.16
+"""Length of the embedded probe, the lever with which a turn of the beam moves its far end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IkSettings:
+    """Tolerances and effort of the IK."""
+
+    position_tolerance_m: float = 1e-4
+    """Largest accepted distance of the tip from the pose."""
+    angle_tolerance_rad: float = 2e-3
+    """Largest accepted angle between the beam and the pose's normal."""
+    max_iterations: int = 40
+    """Steps of one start."""
+    max_restarts: int = 40
+    """Further starts after the first, from a fixed set of configurations near the pose."""
+    n_compared: int = 6
+    """Starts of which the most comfortable answer is taken; the others follow only where all of these fail."""
+    start_seed: int = 0
+    """Seed of the set of starts, a constant of the algorithm: the same for every seed of an episode."""
+    max_step_rad: float = 0.5
+    """No joint moves more than this in one step: the cap turns 440 of 500 solved poses into 475."""
+    posture_cost: float = 1e-3
+    """Weight that keeps the spare joints near the search's answer while mink closes the last of the error."""
+    standoff_m: float = 0.04
+    """The probe arrives from and leaves to this far above the surface, along the normal; 0 asks for the pose alone."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        for name in ("position_tolerance_m", "angle_tolerance_rad", "max_step_rad"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name}={value}: must be a positive, finite number.")
+        if not (np.isfinite(self.standoff_m) and self.standoff_m >= 0):
+            raise ValueError(f"standoff_m={self.standoff_m}: must be 0 or a positive, finite number.")
+        if self.max_iterations < 1 or self.max_restarts < 0:
+            raise ValueError(
+                f"max_iterations={self.max_iterations}, max_restarts={self.max_restarts}: at least 1 and 0."
+            )
+        if self.n_compared < 1 or self.start_seed < 0:
+            raise ValueError(f"n_compared={self.n_compared}, start_seed={self.start_seed}: at least 1 and 0.")
+
+    @property
+    def slack_m(self) -> float:
+        """How far a point of the probe can be from where it is at the exact pose, within the tolerances [m]."""
+        return self.position_tolerance_m + PROBE_LENGTH_M * self.angle_tolerance_rad

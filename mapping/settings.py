@@ -34,7 +34,7 @@ class MapSettings:
     """`full` keeps the whole covariance of the weights; `local` only near its diagonal, for more than 5,000
     hinges; `diagonal` their variances alone, which counts points many times.
     """
-    tolerance: float = 2e-6
+    tolerance: float = 3e-6
     """Size of what the computation may leave out: smaller is slower and closer, 0 is exact to rounding."""
 
     @classmethod

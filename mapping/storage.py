@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FORMAT = "sounding hilbert map"
-VERSION = 1
+VERSION = 2
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray]) -> None:

@@ -75,14 +75,3 @@ def _bounds(plane: NDArray[np.bool_]) -> tuple[slice, slice]:
 def _common(first: slice, second: slice) -> slice:
     start = max(first.start, second.start)
     return slice(start, max(start, min(first.stop, second.stop)))
-
-
-def carried_on(carried: CarriedVariance | None, query: Lattice) -> NDArray[np.float64]:
-    """Returns the variance at all points of the lattice that it is carried on.
-
-    Raises:
-        ValueError: If it is carried on another or on none.
-    """
-    if carried is None or query is not carried.query:
-        raise ValueError("the variance is carried on the query lattice alone that the map was made with")
-    return carried.values.ravel()

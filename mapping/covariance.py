@@ -8,47 +8,37 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cholesky
 
-from .carried_variance import CarriedVariance, carried_on
-from .kernel import HingeFeatures, outer_features
-from .lattice import Lattice
+from .carried_variance import CarriedVariance
+from .kept_covariance import KeptCovariance
+from .kernel import HingeFeatures
 from .storage import checked_array
 
 # Hinges beyond a reading's own, along x, that may covary with them: the correlation halves with each.
 _MARGIN = 6
 
 
-class DenseCovariance:
-    """Sigma as one M x M matrix, and its variance at the points of a query lattice."""
+class DenseCovariance(KeptCovariance):
+    """Sigma as one M x M matrix."""
 
     def __init__(
         self,
         features: HingeFeatures,
         weight_variance: float,
+        carried: CarriedVariance | None = None,
         *,
-        query: Lattice | None = None,
-        query_mask: NDArray[np.bool_] | None = None,
-        cutoff: float = 0.0,
         is_exact: bool,
     ) -> None:
-        """Starts with independent weights of one variance, which is carried on a query lattice if there is one.
-
-        Exact, it takes any two weights for dependent.
-        """
-        self._features = features
+        """Starts with independent weights of one variance; exact, it takes any two weights for dependent."""
+        super().__init__(features, carried)
         self._is_exact = is_exact
         self.matrix = np.zeros((features.n_weights, features.n_weights))
         np.fill_diagonal(self.matrix, weight_variance)
-        self._carried = (
-            None
-            if query is None
-            else CarriedVariance(features, query, weight_variance, query_mask=query_mask, cutoff=cutoff)
-        )
         n_in_plane = features.hinges.n_points // features.hinges.shape[0]
         self._plane_of_weight = np.flatnonzero(features.weight_of_hinge >= 0) // n_in_plane
 
-    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Returns C Sigma C^T among some weights (k,), for C of shape (r, k)."""
-        return C @ self.matrix[np.ix_(weights, weights)] @ C.T
+    def among(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """See `KeptCovariance.among`."""
+        return C @ self.matrix[np.ix_(weights, weights)]
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
@@ -94,22 +84,6 @@ class DenseCovariance:
         planes = self._plane_of_weight
         low, high = planes[weights.min()] - _MARGIN, planes[weights.max()] + _MARGIN
         return int(np.searchsorted(planes, low)), int(np.searchsorted(planes, high, side="right"))
-
-    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns the variance of the latent on the lattice that it is carried on, true where its mask keeps a point.
-
-        Raises:
-            ValueError: If the lattice is another.
-        """
-        return carried_on(self._carried, query)
-
-    def variance_at(self, points_m: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
-        """Returns the variance phi Sigma phi^T at points that lie close together, shape (N, 3)."""
-        box = self._features.box_around(points_m, cutoff)
-        weights = self._features.weights_in(box)
-        Phi = outer_features(self._features.along_axes(points_m, box))[:, weights >= 0]
-        weights = weights[weights >= 0]
-        return np.einsum("nk,nk->n", Phi @ self.matrix[np.ix_(weights, weights)], Phi)
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Returns draws about zero with this covariance, shape (M, n_samples)."""

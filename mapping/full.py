@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from .belief import Belief, LearningReport
+from .carried_variance import CarriedVariance
 from .coordinates import ReadingCoordinates, reading_coordinates
 from .covariance import DenseCovariance
 from .kernel import HingeFeatures
@@ -64,41 +65,22 @@ class FullBelief(Belief):
         self._samples: WeightSamples | None = None
 
     @classmethod
-    def dense(
+    def prior(
         cls,
         features: HingeFeatures,
         settings: MapSettings,
         query: Lattice | None,
         query_mask: NDArray[np.bool_] | None,
     ) -> FullBelief:
-        """Returns the prior belief of the form `full`."""
-        covariance = DenseCovariance(
-            features,
-            settings.weight_variance,
-            query=query,
-            query_mask=query_mask,
-            cutoff=_margin_cutoff(settings),
-            is_exact=settings.tolerance == 0,
-        )
-        return cls(features, settings, covariance)
-
-    @classmethod
-    def local(
-        cls,
-        features: HingeFeatures,
-        settings: MapSettings,
-        query: Lattice | None,
-        query_mask: NDArray[np.bool_] | None,
-    ) -> FullBelief:
-        """Returns the prior belief of the form `local`."""
-        covariance = TiledCovariance(
-            features,
-            settings.weight_variance,
-            query=query,
-            query_mask=query_mask,
-            cutoff=_margin_cutoff(settings),
-        )
-        return cls(features, settings, covariance)
+        """Returns the prior belief of the form `full` or `local`."""
+        variance, carried = settings.weight_variance, None
+        if query is not None:
+            cutoff = min(_MARGIN_CUTOFF * settings.tolerance, 1.0)
+            carried = CarriedVariance(features, query, variance, query_mask=query_mask, cutoff=cutoff)
+        if settings.form == "local":
+            return cls(features, settings, TiledCovariance(features, variance, carried))
+        is_exact = settings.tolerance == 0
+        return cls(features, settings, DenseCovariance(features, variance, carried, is_exact=is_exact))
 
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
@@ -231,7 +213,3 @@ class FullBelief(Belief):
         identity = np.eye(len(factor))
         shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
         return pivoted_cholesky(shrinkage, self._smallest_share())[0]
-
-
-def _margin_cutoff(settings: MapSettings) -> float:
-    return min(_MARGIN_CUTOFF * settings.tolerance, 1.0)

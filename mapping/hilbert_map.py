@@ -239,9 +239,7 @@ def _make_belief(
 ) -> Belief:
     if settings.form == "diagonal":
         return DiagonalBelief(features, settings)
-    if settings.form == "local":
-        return FullBelief.local(features, settings, query, query_mask)
-    return FullBelief.dense(features, settings, query, query_mask)
+    return FullBelief.prior(features, settings, query, query_mask)
 
 
 def _check_hinges(hinges: Lattice) -> None:

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from .carried_variance import CarriedVariance, carried_on
-from .kernel import HingeFeatures, outer_features
-from .lattice import Lattice
+from .carried_variance import CarriedVariance
+from .kept_covariance import KeptCovariance
+from .kernel import HingeFeatures
 from .storage import checked_array
 
 # 64 weights a tile are enough for matrix products to run at speed; two tiles reach 8 to 11 hinges.
@@ -26,27 +26,14 @@ _RANGE = 2
 TileBox = tuple[slice, ...]
 
 
-class TiledCovariance:
+class TiledCovariance(KeptCovariance):
     """Sigma as panels: the covariances of each touched tile with the tiles around it."""
 
     def __init__(
-        self,
-        features: HingeFeatures,
-        weight_variance: float,
-        *,
-        query: Lattice | None = None,
-        query_mask: NDArray[np.bool_] | None = None,
-        cutoff: float = 0.0,
+        self, features: HingeFeatures, weight_variance: float, carried: CarriedVariance | None = None
     ) -> None:
-        """Starts with independent weights of one variance, which is carried on a query lattice if there is
-        one.
-        """
-        self._features = features
-        self._carried = (
-            None
-            if query is None
-            else CarriedVariance(features, query, weight_variance, query_mask=query_mask, cutoff=cutoff)
-        )
+        """Starts with independent weights of one variance."""
+        super().__init__(features, carried)
         shape = features.hinges.shape
         self._n_weights = features.n_weights
         self._variance = weight_variance
@@ -67,27 +54,10 @@ class TiledCovariance:
         """Memory that the panels take."""
         return sum(panel.nbytes for panel in self._panels.values())
 
-    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns the variance of the latent on the lattice that it is carried on, true where its mask keeps a point.
-
-        Raises:
-            ValueError: If the lattice is another.
-        """
-        return carried_on(self._carried, query)
-
-    def variance_at(self, points_m: NDArray[np.float64], cutoff: float) -> NDArray[np.float64]:
-        """Returns the variance phi Sigma phi^T at points that lie close together, shape (N, 3)."""
-        box = self._features.box_around(points_m, cutoff)
-        weights = self._features.weights_in(box)
-        Phi = outer_features(self._features.along_axes(points_m, box))[:, weights >= 0]
-        weights = weights[weights >= 0]
-        columns, cross = self.cross(Phi, weights)
-        return np.einsum("nk,nk->n", cross[:, np.searchsorted(columns, weights)], Phi)
-
-    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Returns C Sigma C^T among some weights (k,), for C of shape (r, k)."""
+    def among(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """See `KeptCovariance.among`."""
         columns, cross = self._cross(C, weights, margin=0)
-        return cross[:, np.searchsorted(columns, weights)] @ C.T
+        return cross[:, np.searchsorted(columns, weights)]
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mapping import HilbertMap, Lattice, MapSettings
+from mapping.carried_variance import CarriedVariance
 from mapping.covariance import DenseCovariance
 from mapping.kernel import HingeFeatures, outer_features
 from mapping.tiled import TiledCovariance
@@ -80,7 +81,8 @@ def test_dense_covariance_and_its_variance_equal_the_matrix_and_its_quadratic_fo
         features = HingeFeatures.build(features.hinges, features.gamma_per_m2)
     rng = np.random.default_rng(3)
     query = Lattice.from_counts(*BOX_M, counts=(5, 4, 3))
-    kept = DenseCovariance(features, 4.0, query=query, cutoff=0.0, is_exact=True)
+    carried = CarriedVariance(features, query, 4.0, cutoff=0.0)
+    kept = DenseCovariance(features, 4.0, carried, is_exact=True)
     Sigma = 4.0 * np.eye(features.n_weights)
     for sign in (1.0, 1.0, -1.0):
         weights = np.sort(rng.choice(features.n_weights, 40, replace=False))

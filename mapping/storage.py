@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FORMAT = "sounding hilbert map"
-VERSION = 2
+VERSION = 3
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray]) -> None:

@@ -2,32 +2,37 @@
 not the organ.
 
 Hinges are grouped in tiles of 4 x 4 x 4. Sigma_ab is kept for tiles at most two apart along each axis, and
-taken as zero
-beyond: the posterior correlation halves with every hinge, so what is left out is below 1 % of a variance. A
-tile that no reading has touched still holds the prior and takes no memory.
+taken as zero beyond: the posterior correlation halves with every hinge, so what is left out is below 1 % of a
+variance. A tile that no reading has touched still holds the prior and takes no memory.
+
+A reading gathers the covariances of its weights into dense blocks, one layer of tiles along x at a time, and
+scatters what they fall by.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from .carried_variance import CarriedVariance
 from .kept_covariance import KeptCovariance
 from .kernel import HingeFeatures
 from .storage import checked_array
 
-# 64 weights a tile are enough for matrix products to run at speed; two tiles reach 8 to 11 hinges.
+# Two tiles reach 8 to 11 hinges; larger tiles would keep more than is needed, smaller ones make more blocks.
 _TILE = 4
 _RANGE = 2
+# Hinges beyond a reading's own, along each axis, that may covary with them: the correlation halves with each.
+_MARGIN = 6
 
-TileBox = tuple[slice, ...]
+Tile = tuple[int, ...]
 
 
 class TiledCovariance(KeptCovariance):
-    """Sigma as panels: the covariances of each touched tile with the tiles around it."""
+    """Sigma as panels: the covariances of each touched tile with the tiles around it, shape (64, 64 a b c)."""
 
     def __init__(
         self, features: HingeFeatures, weight_variance: float, carried: CarriedVariance | None = None
@@ -35,19 +40,15 @@ class TiledCovariance(KeptCovariance):
         """Starts with independent weights of one variance."""
         super().__init__(features, carried)
         shape = features.hinges.shape
-        self._n_weights = features.n_weights
         self._variance = weight_variance
+        self._panels: dict[Tile, NDArray[np.float64]] = {}
         self._grid = tuple(-(-n // _TILE) for n in shape)
-        self._panels: dict[tuple[int, ...], NDArray[np.float64]] = {}
-        # Weight of each place in a tile, -1 where the lattice or its mask has none.
-        padded = np.full([n * _TILE for n in self._grid], -1, dtype=np.intp)
-        padded[: shape[0], : shape[1], : shape[2]] = features.weight_of_hinge.reshape(shape)
-        gx, gy, gz = self._grid
-        split = padded.reshape(gx, _TILE, gy, _TILE, gz, _TILE)
-        self._weight_at = split.transpose(0, 2, 4, 1, 3, 5).reshape(gx, gy, gz, _TILE**3)
-        self._place = np.empty(self._n_weights, dtype=np.intp)
-        flat = self._weight_at.ravel()
-        self._place[flat[flat >= 0]] = np.flatnonzero(flat >= 0)
+        self._is_touched = np.zeros(int(np.prod(self._grid)), dtype=bool)
+        self._hinge_of_weight = np.flatnonzero(features.weight_of_hinge >= 0)
+        index = np.column_stack(np.unravel_index(self._hinge_of_weight, shape))
+        self._tile_of = index // _TILE
+        self._tile_id = np.asarray(np.ravel_multi_index(tuple(self._tile_of.T), self._grid))
+        self._place = np.asarray(np.ravel_multi_index(tuple((index % _TILE).T), (_TILE,) * 3))
 
     @property
     def n_bytes(self) -> int:
@@ -56,49 +57,103 @@ class TiledCovariance(KeptCovariance):
 
     def among(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
         """See `KeptCovariance.among`."""
-        columns, cross = self._cross(C, weights, margin=0)
-        return cross[:, np.searchsorted(columns, weights)]
+        return self._product(C, weights, weights)
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
+        """Returns the weights (m,) that may covary with some weights (k,), both ascending, and C Sigma, shape
         (r, m).
         """
-        return self._cross(C, weights, margin=1)
-
-    def _cross(
-        self, C: NDArray[np.float64], weights: NDArray[np.intp], *, margin: int
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        window, tiled = self._lay_out(C, weights, margin=margin)
-        sums = np.zeros_like(tiled)
-        low = [part.start for part in window]
-        for tile in np.argwhere(np.any(tiled != 0, axis=(0, 4))):
-            here = tuple(int(t + start) for t, start in zip(tile, low, strict=True))
-            rows = tiled[:, tile[0], tile[1], tile[2]]
-            panel = self._panels.get(here)
-            if panel is None:
-                sums[:, tile[0], tile[1], tile[2]] += self._variance * rows
-                continue
-            inside, within = self._overlap(here, window)
-            block = panel[:, *within]
-            sums[:, *inside] += (rows @ block.reshape(len(block), -1)).reshape(len(C), *block.shape[1:])
-        return self._gather(sums, window)
+        others = self._may_covary(weights)
+        return others, self._product(C, weights, others)
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
-        """Takes sign G G^T off the covariance of some weights (k,), G of shape (k, s), as far as it is
-        kept.
+        """Takes sign G G^T off the covariance of some weights (k,), ascending, G of shape (k, s), as far as
+        it is kept.
         """
-        window, tiled = self._lay_out(G.T, weights, margin=0)
-        low = [part.start for part in window]
-        for tile in np.argwhere(np.any(tiled != 0, axis=(0, 4))):
-            here = tuple(int(t + start) for t, start in zip(tile, low, strict=True))
-            inside, within = self._overlap(here, window)
-            others = tiled[:, *inside]
-            falls = sign * tiled[:, tile[0], tile[1], tile[2]].T @ others.reshape(len(others), -1)
-            self._panel(here)[:, *within] -= falls.reshape(-1, *others.shape[1:])
+        for here, there in self._slabs(weights, weights):
+            self._subtract(weights[here], weights[here], sign * (G[here] @ G[here].T))
+            if there.stop > here.stop:
+                beyond = slice(here.stop, there.stop)
+                falls = (sign * G[here]) @ G[beyond].T
+                self._subtract(weights[here], weights[beyond], falls)
+                self._subtract(weights[beyond], weights[here], falls.T)
         if self._carried is not None:
             self._carried.lower(weights, G, sign=sign)
+
+    def _product(
+        self, C: NDArray[np.float64], weights: NDArray[np.intp], others: NDArray[np.intp]
+    ) -> NDArray[np.float64]:
+        """Returns C Sigma, shape (r, m), for the covariances of some weights (k,) with others (m,), both
+        ascending.
+        """
+        sums = np.zeros((len(C), len(others)))
+        for here, there in self._slabs(weights, others):
+            # Directions are local: most pass a slab by.
+            rows = np.flatnonzero(C[:, here].any(axis=1))
+            sums[rows, there] += C[rows, here] @ self._between(weights[here], others[there])
+        return sums
+
+    def _slabs(self, weights: NDArray[np.intp], others: NDArray[np.intp]) -> Iterator[tuple[slice, slice]]:
+        """Yields the weights of each layer of tiles along x, which runs slowest, and the others within range."""
+        layers, of_others = self._tile_of[weights, 0], self._tile_of[others, 0]
+        for layer in np.unique(layers):
+            here = np.searchsorted(layers, [layer, layer + 1])
+            there = np.searchsorted(of_others, [layer - _RANGE, layer + _RANGE + 1])
+            yield slice(*here.tolist()), slice(*there.tolist())
+
+    def _may_covary(self, weights: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Returns the weights themselves and those near them that some reading has touched, ascending."""
+        is_near = np.zeros(self._features.hinges.n_points, dtype=bool)
+        is_near[self._hinge_of_weight[weights]] = True
+        is_near = maximum_filter(is_near.reshape(self._features.hinges.shape), size=2 * _MARGIN + 1)
+        is_wanted = is_near.ravel()[self._hinge_of_weight] & self._is_touched[self._tile_id]
+        is_wanted[weights] = True
+        return np.flatnonzero(is_wanted)
+
+    def _between(self, weights: NDArray[np.intp], others: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Returns the covariances of some weights (k,) with others (m,), shape (k, m); zero where none is kept."""
+        block = np.zeros((len(weights), len(others)))
+        for tile, rows in self._by_tile(weights):
+            panel = self._panels.get(tile)
+            if panel is None:
+                _, at_row, at_column = np.intersect1d(weights[rows], others, return_indices=True)
+                block[rows[at_row], at_column] = self._variance
+                continue
+            columns, entries = self._entries(tile, others)
+            block[np.ix_(rows, columns)] = panel[np.ix_(self._place[weights[rows]], entries)]
+        return block
+
+    def _subtract(
+        self, weights: NDArray[np.intp], others: NDArray[np.intp], falls: NDArray[np.float64]
+    ) -> None:
+        """Takes falls (k, m) off the covariances of some weights (k,) with others (m,), where they are kept."""
+        for tile, rows in self._by_tile(weights):
+            columns, entries = self._entries(tile, others)
+            if tile not in self._panels:
+                self._keep(tile, self._prior_panel(tile))
+            self._panels[tile][np.ix_(self._place[weights[rows]], entries)] -= falls[np.ix_(rows, columns)]
+
+    def _by_tile(self, weights: NDArray[np.intp]) -> Iterator[tuple[Tile, NDArray[np.intp]]]:
+        """Yields each tile that holds some of the weights, and which."""
+        order = np.argsort(self._tile_id[weights], kind="stable")
+        ends = np.flatnonzero(np.diff(self._tile_id[weights[order]])) + 1
+        for rows in np.split(order, ends):
+            yield tuple(self._tile_of[weights[rows[0]]].tolist()), rows
+
+    def _entries(self, tile: Tile, others: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Returns which others lie within a tile's range, and their columns in its panel."""
+        low, shape = self._box(tile)
+        offsets = self._tile_of[others] - low
+        within = np.flatnonzero(np.all((offsets >= 0) & (offsets < shape), axis=1))
+        x, y, z = offsets[within].T
+        return within, ((x * shape[1] + y) * shape[2] + z) * _TILE**3 + self._place[others[within]]
+
+    def _box(self, tile: Tile) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Returns the lowest of the tiles around a tile, and how many there are along each axis."""
+        low = np.maximum(np.array(tile) - _RANGE, 0)
+        return low, np.minimum(np.array(tile) + _RANGE + 1, self._grid) - low
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Returns draws of the prior, shape (M, n_samples).
@@ -108,7 +163,7 @@ class TiledCovariance(KeptCovariance):
         """
         if self._panels:
             raise ValueError("the local form draws only before its first reading; call carry_samples earlier")
-        return np.sqrt(self._variance) * rng.standard_normal((self._n_weights, n_samples))
+        return np.sqrt(self._variance) * rng.standard_normal((self._features.n_weights, n_samples))
 
     def state(self) -> dict[str, NDArray[np.float64]]:
         """Returns the panels, one array each, and the variance that is carried."""
@@ -131,54 +186,18 @@ class TiledCovariance(KeptCovariance):
             panels[x, y, z] = values
         if self._carried is not None:
             self._carried.values = checked_array(state, "carried_variance", self._carried.values.shape)
-        self._panels = panels
+        self._panels = {}
+        self._is_touched[:] = False
+        for tile, panel in panels.items():
+            self._keep(tile, panel)
 
-    def _panel(self, tile: tuple[int, ...]) -> NDArray[np.float64]:
-        if tile not in self._panels:
-            self._panels[tile] = self._prior_panel(tile)
-        return self._panels[tile]
+    def _keep(self, tile: Tile, panel: NDArray[np.float64]) -> None:
+        self._panels[tile] = panel
+        self._is_touched[np.ravel_multi_index(tile, self._grid)] = True
 
-    def _prior_panel(self, tile: tuple[int, ...]) -> NDArray[np.float64]:
-        """Returns the prior covariances of a tile with those around it, shape (64, a, b, c, 64)."""
-        low = [max(0, t - _RANGE) for t in tile]
-        shape = [min(n, t + _RANGE + 1) - start for n, t, start in zip(self._grid, tile, low, strict=True)]
-        panel = np.zeros((_TILE**3, *shape, _TILE**3))
-        places = np.flatnonzero(self._weight_at[tile] >= 0)
-        panel[places, tile[0] - low[0], tile[1] - low[1], tile[2] - low[2], places] = self._variance
+    def _prior_panel(self, tile: Tile) -> NDArray[np.float64]:
+        """Returns the prior covariances of a tile with those around it, shape (64, 64 a b c)."""
+        panel = np.zeros((_TILE**3, int(np.prod(self._box(tile)[1])) * _TILE**3))
+        weights = np.flatnonzero(self._tile_id == np.ravel_multi_index(tile, self._grid))
+        panel[self._place[weights], self._entries(tile, weights)[1]] = self._variance
         return panel
-
-    def _overlap(self, tile: tuple[int, ...], window: TileBox) -> tuple[TileBox, TileBox]:
-        """Returns where a tile's panel and a window of tiles meet, counted in the window and in the panel."""
-        inside, within = [], []
-        for n, t, part in zip(self._grid, tile, window, strict=True):
-            first = max(0, t - _RANGE)
-            low, high = max(first, part.start), min(n, t + _RANGE + 1, part.stop)
-            inside.append(slice(low - part.start, high - part.start))
-            within.append(slice(low - first, high - first))
-        return tuple(inside), tuple(within)
-
-    def _lay_out(
-        self, columns: NDArray[np.float64], weights: NDArray[np.intp], *, margin: int
-    ) -> tuple[TileBox, NDArray[np.float64]]:
-        """Returns the box of tiles around some weights, and columns (r, k) laid out over it, (r, x, y, z,
-        64).
-        """
-        places = self._place[weights]
-        tiles = np.unravel_index(places // _TILE**3, self._grid)
-        window = tuple(
-            slice(max(0, int(index.min()) - margin), min(n, int(index.max()) + 1 + margin))
-            for index, n in zip(tiles, self._grid, strict=True)
-        )
-        tiled = np.zeros((len(columns), *(part.stop - part.start for part in window), _TILE**3))
-        x, y, z = (index - part.start for index, part in zip(tiles, window, strict=True))
-        tiled[:, x, y, z, places % _TILE**3] = columns
-        return window, tiled
-
-    def _gather(
-        self, tiled: NDArray[np.float64], window: TileBox
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the weights of a window, ascending, and their columns."""
-        weights = self._weight_at[window].ravel()
-        columns = np.flatnonzero(weights >= 0)
-        columns = columns[np.argsort(weights[columns])]
-        return weights[columns], tiled.reshape(len(tiled), -1)[:, columns]

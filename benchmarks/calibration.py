@@ -1,11 +1,14 @@
-"""Is a probability of the map what it says? Reliability over many seeded truths with three hidden spheres.
+"""Is a probability of the map what it says? Reliability over many seeded episodes of the scenario `spheres`.
 
-    python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 16]
-        [--planner random] [--readings 50] [--figure docs/figures/calibration.png]
+    python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 10]
+        [--gamma-spacing2 0.52 0.70] [--planner random] [--readings 50] [--figure docs/figures/calibration.png]
 
-Points count when the map is in doubt, 0.02 < p < 0.98: a map that says 0 everywhere has none and fails. The
-slope is that of a logistic regression of the truth on the map's log odds (1 is calibrated, above 1 too
-timid), and the skill is 1 - log loss / log loss of the constant true prevalence, over all points.
+A planner's episode gives the readings, without an arm; every setting of the map learns the same ones. Expected
+improvement plans on the paper's map: under a low prior it would stay at the first tumour.
+
+Points inside the organ count when the map is in doubt, 0.02 < p < 0.98: a map that says 0 everywhere has none
+and fails. The slope is that of a logistic regression of the truth on the map's log odds (1 is calibrated, above
+1 too timid), and the skill is 1 - log loss / log loss of the constant true prevalence, over all points.
 """
 
 from __future__ import annotations
@@ -20,10 +23,14 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from benchmarks.spheres import map_by_expected_improvement, map_by_random, truth_of
-from mapping import MapSettings, average_precision, dice, expected_calibration_error, log_loss
+from mapping import HilbertMap, MapSettings, average_precision, dice, expected_calibration_error, log_loss
+from planner import make_planner
+from sim.episode import Episode
+from sim.scenarios import load_scenario
+from sim.stage import Stage, build_stage
+from sim.world.probe import Reading
 
-PLANNERS = {"random": map_by_random, "expected-improvement": map_by_expected_improvement}
+PLANNERS = ("random", "expected-improvement")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +49,29 @@ class Answers:
         return (self.probability > 0.02) & (self.probability < 0.98)
 
 
-def collect(planner: str, seeds: range, n_readings: int, settings: MapSettings) -> Answers:
-    logits, truths = [], []
+def collect(planner: str, seeds: range, n_readings: int, settings: list[MapSettings]) -> list[Answers]:
+    """The answers of each setting, all from the same readings."""
+    stage = build_stage(load_scenario("spheres"), None, MapSettings.paper())
+    logits, truths = [[] for _ in settings], []
     for seed in seeds:
-        belief = PLANNERS[planner](seed, n_readings, settings)
-        logits.append(belief.predict_lattice().score)
-        truths.append(truth_of(seed, belief.query_points_m()))
-    return Answers(np.array(logits), np.array(truths))
+        chooser = make_planner(planner)
+        episode = Episode(
+            stage, chooser, seed=seed, map_settings=MapSettings.paper(), has_map=chooser.needs_belief
+        )
+        readings = [step.reading for step in episode.steps(n_readings)]
+        truths.append(episode.truth.is_tumour)
+        for of_setting, chosen in zip(logits, settings, strict=True):
+            of_setting.append(learnt_logits(stage, chosen, readings))
+    return [Answers(np.array(of_setting), np.array(truths)) for of_setting in logits]
+
+
+def learnt_logits(stage: Stage, settings: MapSettings, readings: list[Reading]) -> NDArray[np.float64]:
+    belief = HilbertMap(
+        stage.hinges, settings, query=stage.query, query_mask=stage.is_inside, hinge_mask=stage.hinge_mask
+    )
+    for reading in readings:
+        belief.update(reading.points_m, reading.is_occupied)
+    return belief.predict_lattice().score
 
 
 def calibration_slope(logit: NDArray[np.float64], truth: NDArray[np.bool_]) -> float:
@@ -91,6 +114,10 @@ def draw_reliability(answers: dict[str, Answers], path: Path, n_bins: int = 15) 
     figure.savefig(path, dpi=120)
 
 
+def default_gamma_spacing2() -> float:
+    return MapSettings().gamma_per_m2 * MapSettings().hinge_spacing_m ** 2
+
+
 def main() -> None:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
@@ -98,24 +125,34 @@ def main() -> None:
     parser.add_argument("--readings", type=int, default=50)
     parser.add_argument("--prevalence", type=float, nargs="+", default=[MapSettings().prior_prevalence])
     parser.add_argument("--variance", type=float, nargs="+", default=[MapSettings().weight_variance])
+    parser.add_argument("--gamma-spacing2", type=float, nargs="+", default=[default_gamma_spacing2()])
     parser.add_argument("--planner", nargs="+", choices=PLANNERS, default=list(PLANNERS))
     parser.add_argument("--figure", type=Path, default=None)
     arguments = parser.parse_args()
     answers = {}
     print(
-        "| planner | prior prevalence | weight variance | points in doubt | calibration error | slope | skill "
-        "| AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|"
+        "| planner | gamma spacing^2 | prior prevalence | weight variance | points in doubt | calibration error "
+        "| slope | skill | AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|---|"
     )
     seeds = range(arguments.first, arguments.first + arguments.seeds)
+    choices = list(product(arguments.gamma_spacing2, arguments.prevalence, arguments.variance))
+    settings = [
+        MapSettings(
+            gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
+            prior_prevalence=prevalence,
+            weight_variance=variance,
+        )
+        for gamma_spacing2, prevalence, variance in choices
+    ]
     with threadpool_limits(1):
-        for planner, prevalence, variance in product(
-            arguments.planner, arguments.prevalence, arguments.variance
-        ):
-            settings = MapSettings(prior_prevalence=prevalence, weight_variance=variance)
-            answer = collect(planner, seeds, arguments.readings, settings)
-            answers[f"{planner}, {prevalence:g}, {variance:g}"] = answer
-            numbers = " | ".join(f"{value:.3g}" for value in summary(answer).values())
-            print(f"| {planner} | {prevalence:g} | {variance:g} | {numbers} |", flush=True)
+        for planner in arguments.planner:
+            for choice, answer in zip(
+                choices, collect(planner, seeds, arguments.readings, settings), strict=True
+            ):
+                names = [planner, *(f"{value:.3g}" for value in choice)]
+                answers[", ".join(names)] = answer
+                numbers = [f"{value:.3g}" for value in summary(answer).values()]
+                print(f"| {' | '.join(names + numbers)} |", flush=True)
     if arguments.figure is not None:
         draw_reliability(answers, arguments.figure)
 

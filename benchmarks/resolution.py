@@ -16,7 +16,7 @@ from benchmarks.spheres import map_by_random, truth_of
 from mapping import MapSettings, evaluate_map
 
 SPACINGS_M = (0.0225, 0.016, 0.01125, 0.009)
-GAMMA_SPACING2 = (0.35, 0.7, 1.4)
+GAMMA_SPACING2 = (0.35, 0.52, 0.7, 1.4)
 
 
 def main() -> None:

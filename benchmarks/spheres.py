@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr
 
 from mapping import HilbertMap, Lattice, MapSettings
 
@@ -20,8 +19,6 @@ BOX_M = ((-0.09, -0.09, -0.10125), (0.09, 0.09, 0.0))
 HALF_ANGLE_RAD = np.deg2rad(11.5)
 DEPTH_M = 0.102
 RADIUS_M = 0.012
-EXCLUSION_M = 0.28 * DEPTH_M * np.tan(HALF_ANGLE_RAD)
-"""Poses nearer to a sensed one are out: the share of the cone's base radius that `ExpectedImprovement` takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,41 +100,6 @@ def map_by_random(seed: int, n_readings: int, settings: MapSettings) -> HilbertM
     for points_m, is_occupied in random_readings(seed, n_readings):
         belief.update(points_m, is_occupied)
     return belief
-
-
-def map_by_expected_improvement(seed: int, n_readings: int, settings: MapSettings) -> HilbertMap:
-    """Returns the map after the readings that expected improvement chose on the paper's map.
-
-    EI is that of the latent, and no pose lies beside an earlier one, as in `planner`. The map has no part in the
-    choice: under a low prior EI would stay at the first tumour, and maps of other settings would see other readings.
-    """
-    truth_rng, pose_rng, sensor_rng = np.random.default_rng(seed).spawn(3)
-    truth, poses = Spheres.planted(truth_rng), candidate_poses(pose_rng, 2000)
-    belief, of_planner = make_map(settings), make_map(MapSettings.paper())
-    query_m = belief.query_points_m()
-    apexes_m, axes = np.array([p.apex_m for p in poses]), np.array([p.axis for p in poses])
-    is_near = np.zeros(len(poses), dtype=bool)
-    chosen = 0
-    for step in range(n_readings):
-        if step > 0:
-            target_m = query_m[np.argmax(_expected_improvement(of_planner))]
-            towards = (target_m - apexes_m) / np.linalg.norm(target_m - apexes_m, axis=1, keepdims=True)
-            is_free = ~is_near & (np.linalg.norm(target_m - apexes_m, axis=1) < DEPTH_M)
-            chosen = int(np.argmax(np.where(is_free, np.sum(towards * axes, axis=1), -np.inf)))
-        is_near |= np.linalg.norm(apexes_m - apexes_m[chosen], axis=1) < EXCLUSION_M
-        points_m = cone_points(poses[chosen], sensor_rng)
-        is_occupied = truth.contain(points_m)
-        of_planner.update(points_m, is_occupied)
-        belief.update(points_m, is_occupied)
-    return belief
-
-
-def _expected_improvement(belief: HilbertMap) -> NDArray[np.float64]:
-    """Returns EI over the best latent mean with the paper's xi = 0.01."""
-    prediction = belief.predict_lattice()
-    gain = prediction.latent_mean - prediction.latent_mean.max() - 0.01
-    std = np.maximum(prediction.latent_std, 1e-9)
-    return gain * ndtr(gain / std) + std * np.exp(-((gain / std) ** 2) / 2) / np.sqrt(2 * np.pi)
 
 
 def truth_of(seed: int, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:

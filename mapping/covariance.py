@@ -1,4 +1,4 @@
-"""Where the covariance of the weights is kept: as one dense matrix, with its variance at points beside it."""
+"""The covariance of the weights as one dense matrix."""
 
 from __future__ import annotations
 
@@ -53,10 +53,11 @@ class DenseCovariance(KeptCovariance):
         """Takes sign G G^T off the covariance of some weights (k,), ascending, for G of shape (k, s)."""
         runs = self._runs(weights, G)
         # One pair of planes at a time stays in the cache.
-        for i, (here, left) in enumerate(runs):
-            for there, right in runs[i:]:
+        for number, (here, rows) in enumerate(runs):
+            signed = sign * rows
+            for there, others in runs[number:]:
                 block = self.matrix[here, there]
-                block -= (sign * left) @ right.T
+                block -= signed @ others.T
                 if there != here:
                     self.matrix[there, here] = block.T
         if self._carried is not None:

@@ -73,6 +73,7 @@ class HilbertMap:
         """The belief over the weights."""
         return self._belief
 
+    @one_blas_thread()
     def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> UpdateReport:
         """Takes in a reading: learns from labelled points.
 
@@ -89,8 +90,7 @@ class HilbertMap:
             return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0, curvature=np.zeros(0))
         settings = self.settings
         log_odds = label_log_odds(labels, settings.false_positive_rate, settings.false_negative_rate)
-        with one_blas_thread():
-            report = self._belief.learn(points, self._offset(points), log_odds)
+        report = self._belief.learn(points, self._offset(points), log_odds)
         return UpdateReport(
             n_points=len(points),
             n_occupied=int(labels.sum()),
@@ -99,6 +99,7 @@ class HilbertMap:
             curvature=report.curvature,
         )
 
+    @one_blas_thread()
     def revise(self, n_sweeps: int = 1) -> float:
         """Fits every reading again in the light of all the others.
 
@@ -115,9 +116,9 @@ class HilbertMap:
         Raises:
             ValueError: If the form is diagonal.
         """
-        with one_blas_thread():
-            return [self._belief.revise() for _ in range(n_sweeps)][-1]
+        return [self._belief.revise() for _ in range(n_sweeps)][-1]
 
+    @one_blas_thread()
     def predict(self, points_m: ArrayLike) -> Prediction:
         """Returns the belief at any points [m], shape (N, 3)."""
         points = check_points(points_m)
@@ -126,6 +127,7 @@ class HilbertMap:
         mean, variance = self._belief.moments(points)
         return Prediction(self._offset(points) + mean, variance)
 
+    @one_blas_thread()
     def predict_lattice(self) -> Prediction:
         """Returns the belief at the points of the query lattice that its mask keeps, in C order.
 
@@ -151,6 +153,7 @@ class HilbertMap:
             raise ValueError(f"n_samples must be at least 1, not {n_samples}")
         self._belief.carry_samples(n_samples, rng)
 
+    @one_blas_thread()
     def sample_lattice(self) -> NDArray[np.float64]:
         """Returns the carried draws of the latent at the points that `predict_lattice` answers for, shape
         (S, N).

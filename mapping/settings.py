@@ -16,12 +16,14 @@ class MapSettings:
 
     hinge_spacing_m: float = 0.01125
     """Distance between neighbouring hinges [m]; the paper's 0.375 units of 30 mm."""
-    gamma_per_m2: float = 5 / 0.03**2
-    """gamma of the kernel exp(-gamma |x - h|^2) [1/m^2]; the paper's 5 per squared unit of 30 mm."""
+    gamma_per_m2: float = 4100.0
+    """gamma of the kernel exp(-gamma |x - h|^2) [1/m^2]: a kernel of 11 mm width, 1 / sqrt(2 gamma), whose
+    probabilities mean what they say (docs/map.md). The paper's 5 per squared unit of 30 mm are 9.5 mm.
+    """
     prior_prevalence: float = 0.02
     """Share of the organ that is expected to be tumour before any reading; 0.5 is the paper's."""
-    weight_variance: float = 16.0
-    """Prior variance of each weight; with it the latent's standard deviation is about 1.85
+    weight_variance: float = 10.0
+    """Prior variance of each weight; with it the latent's standard deviation is about 2.3
     sqrt(weight_variance). Tumours have sharp edges, which a small variance blurs: docs/map.md shows how much.
     """
     false_positive_rate: float = 0.0

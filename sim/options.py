@@ -60,12 +60,13 @@ class EpisodeOptions:
     """Depth of the probe's cone [mm]; the scenario's by default: 102, for the liver 130."""
     map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
-    prior_prevalence: float = 0.5
-    """Share of the organ expected to be tumour before anything is sensed. 0.5 is the paper's, under which expected
-    improvement explores; a few per cent, near the truth, make a better calibrated map."""
-    weight_variance: float = 4.0
-    """Prior variance of each of the map's weights; the paper only says that it is high. With a prevalence of a few
-    per cent 16 makes a better calibrated map."""
+    map_settings: Literal["paper", "calibrated"] = "paper"
+    """paper is what the paper assumes, half of the organ tumour, under which expected improvement explores; calibrated
+    expects 2 per cent, and its probabilities mean what they say."""
+    prior_prevalence: float | None = None
+    """Share of the organ expected to be tumour before anything is sensed, in place of --map-settings'."""
+    weight_variance: float | None = None
+    """Prior variance of each of the map's weights, in place of --map-settings'."""
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
     ei_values: Literal["latent", "probability"] = "latent"
@@ -125,15 +126,17 @@ class EpisodeOptions:
 
     def make_map_settings(self) -> MapSettings:
         """The map's settings."""
+        settings = MapSettings.paper() if self.map_settings == "paper" else MapSettings()
         changes: dict[str, Any] = {
             "form": self.map_form,
             "prior_prevalence": self.prior_prevalence,
             "weight_variance": self.weight_variance,
+            "n_em_iterations": self.em_iterations,
         }
-        if self.em_iterations is not None:
-            changes["n_em_iterations"] = self.em_iterations
         try:
-            return MapSettings(**changes)
+            return dataclasses.replace(
+                settings, **{name: value for name, value in changes.items() if value is not None}
+            )
         except ValueError as error:
             raise UsageError(f"{error}.") from error
 

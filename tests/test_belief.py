@@ -129,7 +129,7 @@ def test_far_from_data_the_prior_returns():
 
 
 def test_a_reading_in_one_piece_or_by_halves_says_nearly_the_same():
-    whole, halves = make_map(weight_variance=4.0), make_map(weight_variance=4.0)
+    whole, halves = (make_map(weight_variance=4.0, gamma_per_m2=5 / 0.03**2) for _ in range(2))
     points_m, is_occupied = next(iter(readings(1, n_points=300)))
     whole.update(points_m, is_occupied)
     halves.update(points_m[::2], is_occupied[::2])

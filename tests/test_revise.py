@@ -35,7 +35,7 @@ def order_gap(first, second):
 
 def test_two_orders_of_the_same_readings_agree_once_revised():
     told = list(readings())
-    paper = {"prior_prevalence": 0.5, "weight_variance": 4.0}
+    paper = {"prior_prevalence": 0.5, "weight_variance": 4.0, "gamma_per_m2": 5 / 0.03**2}
     forward, backward = (learn(make_map(**paper), order) for order in (told, told[::-1]))
     # Each reading is taken in with the xi of its moment, so the order shows before the revision.
     assert order_gap(forward, backward) > 0.03

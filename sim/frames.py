@@ -60,7 +60,7 @@ class FrameWriter:
             sensed_m=sensed_m,
             cells_m=cells_m,
             cell_size_m=self._cell_size_m,
-            path_m=step.tip_path_m,
+            path_m=step.motion.tips_m,
         )
 
     def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:

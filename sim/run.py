@@ -28,6 +28,8 @@ from .world.rendering import SceneRenderer
 
 SENSED_TARGET = 0.95
 """The paper's measure of detection: this share of the tumours' points was sensed."""
+SECONDS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
+"""Columns of computing time, which no run repeats."""
 
 
 @dataclass
@@ -47,8 +49,17 @@ class Tally:
 
     def seconds(self) -> dict[str, float]:
         """Time by part [s]."""
-        names = ("plan_s", "ik_s", "sense_s", "update_s")
-        return {name: sum(getattr(step, name) for step in self.steps) for name in names}
+        return {name: sum(getattr(step, name) for step in self.steps) for name in SECONDS}
+
+    def motion(self) -> dict[str, float | None]:
+        """Modelled time of the procedure and ways of joints and tip."""
+        travels_rad = [step.motion.joint_travel_rad for step in self.steps]
+        return {
+            "motion_s": sum(step.motion.motion_s for step in self.steps),
+            "procedure_s": sum(step.procedure_s for step in self.steps),
+            "joint_travel_rad": None if None in travels_rad else sum(way for way in travels_rad if way),
+            "tip_path_m": sum(step.motion.tip_path_m for step in self.steps),
+        }
 
 
 def arm_model(options: EpisodeOptions) -> ArmModel | None:
@@ -174,7 +185,14 @@ def _write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
             "sensed_fraction": step.sensed_fraction,
             "auprc": step.auprc,
             "n_skipped": len(step.skipped),
-            **{name: getattr(step, name) for name in ("plan_s", "ik_s", "sense_s", "update_s")},
+            "motion_s": step.motion.motion_s,
+            "procedure_s": step.procedure_s,
+            "joint_travel_rad": step.motion.joint_travel_rad,
+            "tip_path_m": step.motion.tip_path_m,
+            "tracking_error_m": step.motion.tracking_error_m,
+            "tracking_error_rad": step.motion.tracking_error_rad,
+            "peak_force_n": step.motion.peak_force_n,
+            **{name: getattr(step, name) for name in SECONDS},
         },
     )
     for skipped in step.skipped:
@@ -231,6 +249,7 @@ def _summary(
             int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))
         ],
         "n_skipped_poses": tally.n_skipped_poses,
+        **tally.motion(),
         **tally.seconds(),
     }
 

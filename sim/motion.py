@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .carrier import Carrier
-from .world.motion_settings import JointLimits, MotionSettings
+from .world.joint_limits import JointLimits
+from .world.motion_settings import MotionSettings
 
 
 class Phase(IntEnum):

@@ -18,6 +18,7 @@ from mapping import MapMetrics
 from .episode import Episode, Step
 from .frames import FrameWriter
 from .interrupt import NotedInterrupt
+from .movers import make_mover
 from .options import EpisodeOptions
 from .recording import RunFolder, check_out_folder
 from .run_figures import draw_run_figures
@@ -81,12 +82,21 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
     planner, map_settings = options.make_planner(), options.make_map_settings()
+    motion_settings = options.make_motion_settings()
     with (
         threadpool_limits(limits=1),
         ExitStack() as stack,
     ):  # two BLAS pools on two threads fight; and bytes repeat
         stage = build_stage(scenario, arm_model(options), map_settings)
-        episode = Episode(stage, planner, seed=options.seed, map_settings=map_settings)
+        mover = make_mover(stage, options.motion, motion_settings)
+        episode = Episode(
+            stage,
+            planner,
+            seed=options.seed,
+            map_settings=map_settings,
+            mover=mover,
+            sensing_s=motion_settings.sensing_s,
+        )
         renderer = None
         if options.frames != "none":
             renderer = stack.enter_context(SceneRenderer(episode.truth.scene))

@@ -24,6 +24,7 @@ from .recording import RunFolder, check_out_folder
 from .run_figures import draw_run_figures
 from .stage import Stage, build_stage
 from .theatre import arm_named
+from .trajectories import write_anatomy, write_motion
 from .world.arm import ArmModel
 from .world.rendering import SceneRenderer
 
@@ -102,6 +103,7 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
             renderer = stack.enter_context(SceneRenderer(episode.truth.scene))
         folder = stack.enter_context(RunFolder(out, overwrite=options.overwrite))
         folder.begin(_config(options, stage, map_settings), {"seed": options.seed})
+        write_anatomy(folder, episode.truth.anatomy)
         for notice in (*stage.notices, *episode.truth.anatomy.notices):
             print(f"note: {notice}", file=sys.stderr)
         interrupt = stack.enter_context(NotedInterrupt())
@@ -211,6 +213,7 @@ def _write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
         row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
         folder.append_row("states.csv", row | dict(zip(carrier.joint_names, q, strict=True)))
+    write_motion(folder, step.step, step.motion)
     write_map(folder, episode, is_final=False)
 
 

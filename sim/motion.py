@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .carrier import Carrier
+from .world.errors import WorldError
 from .world.joint_limits import JointLimits
 from .world.motion_settings import MotionSettings
 
@@ -43,6 +44,8 @@ class Motion:
     """Distance of the tip from where it was sent, at the time of sensing; None where the motion is not simulated."""
     tracking_error_rad: float | None = None
     """Angle between the beam and where it was sent, likewise."""
+    contact_force_n: float | None = None
+    """Force of the probe on the organ at the time of sensing; None where there is no contact model."""
     peak_force_n: float | None = None
     """Largest contact force of the motion; None where there is no contact model."""
     reason: str = ""
@@ -73,6 +76,15 @@ def blocked(reason: str) -> Motion:
     )  # fmt: skip
 
 
+class ProcedureStoppedError(WorldError):
+    """The arm stopped for safety; `motion` is what it did until then."""
+
+    def __init__(self, text: str, motion: Motion) -> None:
+        """Keep the motion beside the sentence."""
+        super().__init__(text)
+        self.motion = motion
+
+
 class Mover(ABC):
     """Moves the probe of one episode from pose to pose; remembers where it is."""
 
@@ -84,6 +96,9 @@ class Mover(ABC):
             data: A state of the episode's scene; its kinematics are up to date after, and it is as it was where the
                 motion is blocked.
             pose: Index in the workspace.
+
+        Raises:
+            ProcedureStoppedError: The arm stopped on its way.
         """
 
 

@@ -18,6 +18,7 @@ from mapping import MapMetrics
 from .episode import Episode, Step
 from .frames import FrameWriter
 from .interrupt import NotedInterrupt
+from .motion import ProcedureStoppedError
 from .movers import make_mover
 from .options import EpisodeOptions
 from .recording import RunFolder, check_out_folder
@@ -83,13 +84,13 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
     planner, map_settings = options.make_planner(), options.make_map_settings()
-    motion_settings = options.make_motion_settings()
+    motion_settings, servo_settings = options.make_motion_settings(), options.make_servo_settings()
     with (
         threadpool_limits(limits=1),
         ExitStack() as stack,
     ):  # two BLAS pools on two threads fight; and bytes repeat
         stage = build_stage(scenario, arm_model(options), map_settings)
-        mover = make_mover(stage, options.motion, motion_settings)
+        mover = make_mover(stage, options.motion, motion_settings, servo_settings)
         episode = Episode(
             stage,
             planner,
@@ -140,6 +141,10 @@ def _record(
                 raise KeyboardInterrupt
     except KeyboardInterrupt:
         status = "interrupted"
+        raise
+    except ProcedureStoppedError as error:
+        status = "stopped"
+        write_motion(folder, len(tally.steps) + 1, error.motion)
         raise
     finally:
         progress.close()
@@ -203,6 +208,7 @@ def _write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
             "tip_path_m": step.motion.tip_path_m,
             "tracking_error_m": step.motion.tracking_error_m,
             "tracking_error_rad": step.motion.tracking_error_rad,
+            "contact_force_n": step.motion.contact_force_n,
             "peak_force_n": step.motion.peak_force_n,
             **{name: getattr(step, name) for name in SECONDS},
         },

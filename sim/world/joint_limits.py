@@ -42,7 +42,7 @@ class JointLimits:
             settings: May name one limit for all joints.
         """
         settings = settings or MotionSettings()
-        is_panda = arm_path == MODELS_DIR / "arm.xml" and len(is_slide) == len(PANDA_SPEED)
+        is_panda = is_embedded(arm_path)
         share = np.where(is_slide, SLIDE_SHARE, 1.0)
         speed = np.array(PANDA_SPEED) if is_panda else OTHER_SPEED * share
         acceleration = np.array(PANDA_ACCELERATION) if is_panda else OTHER_ACCELERATION * share
@@ -51,3 +51,8 @@ class JointLimits:
         if settings.joint_acceleration is not None:
             acceleration = np.full(len(is_slide), settings.joint_acceleration)
         return cls(speed, acceleration)
+
+
+def is_embedded(arm_path: Path) -> bool:
+    """Whether a file is the embedded arm, a Panda by its numbers."""
+    return arm_path == MODELS_DIR / "arm.xml"

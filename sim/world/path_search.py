@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from .chain import Array
-from .clearance import PROBE_MARGIN_M
+from .clearance import PROBE_MARGIN_M, Collision
 from .curve import rounded, through
 from .descent import descend
 from .ik_search import IkSearch
@@ -60,7 +60,9 @@ class PathSearch:
         """Use the chain, the tolerances and the start set of `search`."""
         self._search, self._chain, self._check = search, search.chain, check
 
-    def line(self, contact_q: Array, standoff_q: Array, position_m: Array, normal: Array) -> Path:
+    def line(
+        self, contact_q: Array, standoff_q: Array, position_m: Array, normal: Array, *, press_m: float = 0.0
+    ) -> Path:
         """The way from a pose along its normal to the stand-off, the tip on a straight line.
 
         Args:
@@ -68,6 +70,7 @@ class PathSearch:
             standoff_q: Above it, shape (n,).
             position_m: The pose [m], shape (3,).
             normal: Its inward unit normal, shape (3,).
+            press_m: How far the way goes on below the surface, where the organ gives way.
         """
         standoff_m = self._search.settings.standoff_m
         n = int(np.ceil(standoff_m / LINE_SPACING_M)) + 1
@@ -75,19 +78,27 @@ class PathSearch:
             return Path((through(np.stack([contact_q, standoff_q])),))
         share = np.linspace(0.0, 1.0, n)[:, None]
         seeds = contact_q + share * (standoff_q - contact_q)
-        at_m = position_m - standoff_m * share * normal
+        lift_m = standoff_m * share
+        if press_m > 0.0:
+            deeper_m = np.linspace(press_m, 0.0, int(np.ceil(press_m / LINE_SPACING_M)) + 1)[:-1, None]
+            seeds = np.vstack([np.tile(contact_q, (len(deeper_m), 1)), seeds])
+            lift_m = np.vstack([-deeper_m, lift_m])
+        n = len(lift_m)
+        at_m = position_m - lift_m * normal
         along = np.tile(normal, (n, 1))
         found = descend(
             self._chain, seeds, at_m, along, centring_gain=0.0,
             position_tolerance_m=LINE_TOLERANCE_M, angle_tolerance_rad=LINE_TOLERANCE_RAD,
         )  # fmt: skip
-        q = np.vstack([contact_q, found.q[1:-1], standoff_q])
+        q = np.vstack([found.q[:-1], standoff_q])
+        q[lift_m[:, 0] == 0.0] = contact_q
         is_off = (found.distance_m > LINE_SLACK * LINE_TOLERANCE_M) | (
             found.angle_rad > LINE_SLACK * LINE_TOLERANCE_RAD
         )
         if is_off.any() or np.abs(np.diff(q, axis=0)).max() > MAX_LINE_TURN_RAD:
             return Path((), "The arm cannot follow the normal between pose and stand-off.")
-        return self._looked_at(q)
+        hit = self._hit_on_line(q[lift_m[:, 0] >= 0.0])
+        return Path((), f"On the way from the stand-off to the pose, {hit}.") if hit else Path((through(q),))
 
     def transfer(self, start_q: Array, end_q: Array) -> Path:
         """A free path between two configurations with the probe lifted: the straight one, or a way around."""
@@ -119,18 +130,17 @@ class PathSearch:
     def _is_free_between(self, start_q: Array, end_q: Array) -> bool:
         return self._check.is_free(np.stack([start_q, end_q]))
 
-    def _looked_at(self, q: Array) -> Path:
-        """The line to a pose with its contacts looked at, where the probe's face may touch the organ."""
-        gaps = self._search.meter.measure(self._chain.full(q))
+    def _hit_on_line(self, q: Array) -> Collision | None:
+        """What is in the way between pose and stand-off, where the probe's face may touch the organ."""
+        meter = self._search.meter
+        gaps = meter.measure(self._chain.full(q))
         state = self._chain.forward(q)
         probe_m, geom = self._search.clearance.probe_distances(state.tips_m, state.R_world_tip)
         is_bad = ~gaps.is_free | (probe_m < PROBE_MARGIN_M - FLANK_SLACK_M)
         if not is_bad.any():
-            return Path((through(q),))
+            return None
         index = int(np.argmax(is_bad))
-        meter = self._search.meter
-        hit = meter.collision(gaps, index) or meter.probe_collision(float(probe_m[index]), int(geom[index]))
-        return Path((), f"On the way from the stand-off to the pose, {hit}.")
+        return meter.collision(gaps, index) or meter.probe_collision(float(probe_m[index]), int(geom[index]))
 
     def _ways_around(self, start_q: Array, end_q: Array) -> list[Array]:
         """Paths to try before a search: arches of growing height between the stand-offs, and the way by home."""

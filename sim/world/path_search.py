@@ -15,6 +15,7 @@ from .descent import descend
 from .ik_search import IkSearch
 from .path_check import PathCheck
 from .path_tree import connect_trees
+from .timing import STILL
 
 LINE_SPACING_M = 0.002
 """Configurations on the straight way to a pose are this far apart."""
@@ -40,10 +41,10 @@ CURVE_SAMPLES = 3
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Smooth curves of configurations of the chain, or the reason why there is no path."""
+    """Smooth curves of configurations of the chain, or the reason why there is no path. No curve: nowhere to go."""
 
     curves: tuple[CubicSpline, ...]
-    """The arm comes to rest at the end of each; empty where there is no path."""
+    """The arm comes to rest at the end of each."""
     reason: str = ""
     """The pair that collides; empty where there is a path."""
 
@@ -103,6 +104,8 @@ class PathSearch:
     def transfer(self, start_q: Array, end_q: Array) -> Path:
         """A free path between two configurations with the probe lifted: the straight one, or a way around."""
         straight = np.stack([start_q, end_q])
+        if np.abs(end_q - start_q).max() <= STILL:
+            return Path(())
         hit = self._check.first_hit(straight)
         if hit is None:
             return Path((through(straight),))

@@ -122,7 +122,8 @@ def test_the_same_seed_gives_the_same_bytes_but_for_the_seconds(run_folder, tmp_
         return [{key: text for key, text in row.items() if key not in timed} for row in read_steps(folder)]
 
     assert without_seconds(run_folder) == without_seconds(tmp_path / "again")
-    assert (run_folder / "states.csv").read_bytes() == (tmp_path / "again" / "states.csv").read_bytes()
+    for name in ("states.csv", "anatomy.npz", *(f"motion/{step:05d}.npz" for step in (1, 2, 3))):
+        assert (run_folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 
 def test_a_second_run_into_the_folder_is_refused(run_folder) -> None:

@@ -342,3 +342,16 @@ def test_an_arm_whose_home_touches_something_starts_at_the_first_stand_off(spher
         search.chain._home_q = home_q
     assert motion.is_done
     assert set(motion.phases.tolist()) == {Phase.DESCEND}
+
+
+def test_servos_of_other_arms_are_fast_for_their_inertia(sphere_arm_stage) -> None:
+    from sim.world.servo import ServoArm
+
+    search = sphere_arm_stage.carrier.search
+    grid, settings = search.clearance.organ_distance, ServoSettings()
+    arm = ServoArm(sphere_arm_stage.scene, search.chain, grid, settings, is_panda=False)
+    home = np.tile(search.chain.home, (500, 1))
+    away = home[:, :] + 0.02
+    run = arm.run(away, np.zeros_like(away), record_every=10)
+    np.testing.assert_allclose(run.states[-1][search.chain.columns], away[-1], atol=2e-3)
+    assert not run.is_stopped

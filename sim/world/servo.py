@@ -146,7 +146,13 @@ def _gains(scene: Scene, dofs: NDArray[np.int64], *, is_panda: bool) -> tuple[Ar
         kp = np.array(PANDA_KP)
         return kp, 0.1 * kp
     data = scene.new_data()
-    inertia = np.zeros((scene.model.nv, scene.model.nv))
-    mujoco.mj_fullM(scene.model, inertia, data.qM)
-    own = np.diag(inertia)[dofs]
+    inertia, unit = np.zeros(scene.model.nv), np.zeros(scene.model.nv)
+    own = np.zeros(len(dofs))
+    for row, dof in enumerate(
+        dofs.tolist()
+    ):  # a joint's own inertia: what a unit acceleration of it alone takes
+        unit[:] = 0.0
+        unit[dof] = 1.0
+        mujoco.mj_mulM(scene.model, data, inertia, unit)
+        own[row] = inertia[dof]
     return own * OTHER_FREQUENCY_RAD_S**2, 2.0 * own * OTHER_FREQUENCY_RAD_S

@@ -44,16 +44,18 @@ class ArmCarrier(Carrier):
         settings: IkSettings | None = None,
     ) -> None:
         """Prepare the kinematics of `scene`'s arm; `organ_distance` is the organ's signed distance grid."""
-        self._workspace = workspace
+        self.workspace = workspace
         self._kinematics = Kinematics(scene, Clearance(scene, organ_distance), settings)
         self._answers: dict[int, IkResult] = {}
+        self.search = self._kinematics.search
+        """The inverse kinematics that answers, which a path search builds on."""
         model = scene.model
         self.joint_names = tuple(_joint_column(model, i) for i in range(model.njnt))
 
     def reach(self, pose: int) -> IkResult:
         """See `Carrier.reach`."""
         if pose not in self._answers:
-            position_m, normal = self._workspace.positions_m[pose], self._workspace.normals[pose]
+            position_m, normal = self.workspace.positions_m[pose], self.workspace.normals[pose]
             self._answers[pose] = self._kinematics.solve(position_m, normal)
         return self._answers[pose]
 

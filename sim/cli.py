@@ -14,6 +14,7 @@ from planner import PlannerError
 from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
+from .replay_options import ReplayOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
@@ -25,7 +26,13 @@ class DoctorOptions:
     """Say what is installed, which OpenGL works and how fast it draws, and what to do about each red line."""
 
 
-COMMANDS = {"episode": EpisodeOptions, "reach": ReachOptions, "ik": IkOptions, "doctor": DoctorOptions}
+COMMANDS = {
+    "episode": EpisodeOptions,
+    "reach": ReachOptions,
+    "ik": IkOptions,
+    "replay": ReplayOptions,
+    "doctor": DoctorOptions,
+}
 DESCRIPTION = (
     "Sounding plans where a robot arm presses an ultrasound-like probe on an organ, so that hidden tumours are "
     "mapped in few sensing actions."
@@ -45,6 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _reach(options)
         if isinstance(options, IkOptions):
             return _ik(options)
+        if isinstance(options, ReplayOptions):
+            return _replay(options)
         return _episode(options)
     except (UsageError, WorldError, PlannerError) as error:
         print(f"sounding: {error}", file=sys.stderr)
@@ -91,6 +100,17 @@ def _reach(options: ReachOptions) -> int:
         )
         return EXIT_INTERRUPTED
     print(reach_table(summary))
+    return 0
+
+
+def _replay(options: ReplayOptions) -> int:
+    from .replay import run_replay
+
+    try:
+        print(run_replay(options))
+    except KeyboardInterrupt:
+        print("sounding: interrupted; no video was written.", file=sys.stderr)
+        return EXIT_INTERRUPTED
     return 0
 
 

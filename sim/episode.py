@@ -8,14 +8,16 @@ from time import perf_counter
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, average_precision, evaluate_map
 from planner import Planner, Situation
 
+from .motion import Motion, Mover
+from .movers import make_mover
 from .stage import Stage
 from .truth import Truth, make_truth
 from .world.ik_result import IkResult
+from .world.motion_settings import MotionSettings
 from .world.probe import Probe, ProbeSettings, Reading
 
 
@@ -42,10 +44,13 @@ class Step:
     """Area under the map's precision-recall curve; None without tumours or without a map."""
     skipped: tuple[SkippedPose, ...]
     """Poses ranked before this one that the arm could not take."""
-    tip_path_m: NDArray[np.float64]
-    """The tip's way from the last contact: lift, transfer, descent, contact, shape (P, 3)."""
+    motion: Motion
+    """The way there from the last contact: lift, transfer, descent."""
+    procedure_s: float
+    """Modelled time of motion and sensing."""
     plan_s: float
     ik_s: float
+    move_s: float
     sense_s: float
     update_s: float
 
@@ -61,6 +66,8 @@ class Episode:
         seed: int,
         map_settings: MapSettings | None = None,
         probe_settings: ProbeSettings | None = None,
+        mover: Mover | None = None,
+        sensing_s: float = MotionSettings().sensing_s,
         has_map: bool = True,
     ) -> None:
         """Make the truth of the seed and the prior map.
@@ -71,6 +78,8 @@ class Episode:
             seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
             map_settings: Of the map.
             probe_settings: Of the readings.
+            mover: Moves the probe between poses, for this episode alone; one that jumps by default.
+            sensing_s: Modelled time of a sensing action.
             has_map: Whether a map is kept; only planners that need no belief can go without.
 
         Raises:
@@ -88,6 +97,7 @@ class Episode:
         self.hilbert_map = _prior_map(stage, map_settings or MapSettings()) if has_map else None
         self.prediction: Prediction | None = None
         self._probe = Probe(self.truth.scene, probe_settings)
+        self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
@@ -114,12 +124,11 @@ class Episode:
 
     def _sense_once(self, number: int) -> Step | None:
         start_s = perf_counter()
-        chosen, skipped, ik_s = self._choose()
+        chosen, skipped, ik_s, move_s = self._choose()
         planned_s = perf_counter()
         if chosen is None:
             return None
-        pose, answer = chosen
-        tip_path_m = self._move_to(pose)
+        pose, answer, motion = chosen
         reading = self._probe.sense(self.data, self._sensor_rng)
         self._note_sensed(reading)
         sensed_s = perf_counter()
@@ -133,18 +142,40 @@ class Episode:
             sensed_fraction=float(self._is_sensed.mean()) if self._is_sensed.size else None,
             auprc=auprc,
             skipped=tuple(skipped),
-            tip_path_m=tip_path_m,
-            plan_s=planned_s - start_s - ik_s,
+            motion=motion,
+            procedure_s=motion.motion_s + self._sensing_s,
+            plan_s=planned_s - start_s - ik_s - move_s,
             ik_s=ik_s,
+            move_s=move_s,
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
         )
 
-    def _choose(self) -> tuple[tuple[int, IkResult] | None, list[SkippedPose], float]:
-        """The first pose of the ranking that is reached, those skipped before it, and the seconds spent on IK."""
+    def _choose(self) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
+        """Go to the first pose of the ranking that can be had; those skipped before it, seconds of IK and of motion.
+
+        A pose without a way to it now has none later: the arm could go back to where it is today.
+        """
         skipped: list[SkippedPose] = []
-        ik_s = 0.0
-        situation = Situation(
+        ik_s = move_s = 0.0
+        for pose in self.planner.rank(self._situation()):
+            start_s = perf_counter()
+            answer = self.stage.carrier.reach(pose)
+            reached_s = perf_counter()
+            ik_s += reached_s - start_s
+            reason = answer.explain()
+            if answer.is_reached:
+                motion = self._mover.move(self.data, pose)
+                move_s += perf_counter() - reached_s
+                if motion.is_done:
+                    return (pose, answer, motion), skipped, ik_s, move_s
+                reason = motion.reason
+            self.skipped[pose] = SkippedPose(pose, reason)
+            skipped.append(self.skipped[pose])
+        return None, skipped, ik_s, move_s
+
+    def _situation(self) -> Situation:
+        return Situation(
             workspace=self.stage.workspace,
             cone=self.stage.cone,
             search_points_m=self.stage.search_points_m,
@@ -154,25 +185,6 @@ class Episode:
             skipped=frozenset(self.skipped),
             rng=self._planner_rng,
         )
-        for pose in self.planner.rank(situation):
-            start_s = perf_counter()
-            answer = self.stage.carrier.reach(pose)
-            ik_s += perf_counter() - start_s
-            if answer.is_reached:
-                return (pose, answer), skipped, ik_s
-            self.skipped[pose] = SkippedPose(pose, answer.explain())
-            skipped.append(self.skipped[pose])
-        return None, skipped, ik_s
-
-    def _move_to(self, pose: int) -> NDArray[np.float64]:
-        """Lift from the last pose, go to the stand-off above the next and down; returns where the tip was."""
-        tip_m: list[NDArray[np.float64]] = []
-        last = self.sensed[-1:]
-        stations = [*((at, lifted) for at in last for lifted in (False, True)), (pose, True), (pose, False)]
-        for at, is_lifted in stations:
-            self.stage.carrier.place(self.data, at, is_lifted=is_lifted)
-            tip_m.append(self._probe.tip_pose(self.data)[:3, 3])
-        return np.array(tip_m)
 
     def _note_sensed(self, reading: Reading) -> None:
         """Mark the detection points that lie in the cone that was really cast."""

@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import binary_erosion
 
+from .captions import captioned
 from .episode import Episode, Step
 from .png import png_bytes
-from .smoothing import smooth_edges
-from .world.rendering import CELL_RGBA, CURRENT_RGBA, SENSED_RGBA, Overlay, SceneRenderer
-from .world.scene import CONE_RGBA, ORGAN_RGBA, TUMOUR_RGBA
+from .world.rendering import Overlay, SceneRenderer
 
 LIKELY = 0.7
 """Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
-LEGEND = (
-    ("true tumour", TUMOUR_RGBA),
-    ("likely tumour, by the map", CELL_RGBA),
-    ("sensed cone", CONE_RGBA),
-    ("sensed before", SENSED_RGBA),
-    ("sensed now", CURRENT_RGBA),
-    ("organ", ORGAN_RGBA),
-)
-INK, PAPER = (28, 38, 52), (250, 251, 252)
 
 
 class FrameWriter:
@@ -60,7 +47,7 @@ class FrameWriter:
             sensed_m=sensed_m,
             cells_m=cells_m,
             cell_size_m=self._cell_size_m,
-            path_m=step.tip_path_m,
+            path_m=step.motion.tips_m,
         )
 
     def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -94,35 +81,6 @@ def _caption(episode: Episode, step: Step) -> str:
 
 
 def _save(path: Path, pixels: NDArray[np.uint8], caption: str) -> None:
-    height_px, width_px = pixels.shape[:2]
-    image = Image.fromarray(smooth_edges(pixels))
-    legend = _legend()
-    image.paste(legend, (14, height_px - 12 - legend.height), legend)
-    draw = ImageDraw.Draw(image)
-    draw.rectangle((0, 0, width_px, 54), fill=PAPER)
-    draw.text((20, 14), caption, font=_font(21), fill=INK)
     partial = path.with_suffix(".part")
-    partial.write_bytes(png_bytes(np.asarray(image)))
+    partial.write_bytes(png_bytes(captioned(pixels, caption)))
     partial.replace(path)
-
-
-@lru_cache(maxsize=4)
-def _font(size_px: int) -> ImageFont.FreeTypeFont:
-    return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), size_px)
-
-
-@lru_cache(maxsize=1)
-def _legend() -> Image.Image:
-    """The key to the colours, as a translucent card."""
-    row_px, n = 24, len(LEGEND)
-    card = Image.new("RGBA", (246, row_px * n + 14), (0, 0, 0, 0))
-    draw = ImageDraw.Draw(card)
-    draw.rounded_rectangle((0, 0, card.width - 1, card.height - 1), radius=8, fill=(255, 255, 255, 200))
-    for i, (label, rgba) in enumerate(LEGEND):
-        y_px = 8 + row_px * i
-        rgb = tuple(round(255 * channel) for channel in rgba[:3])
-        draw.rounded_rectangle(
-            (12, y_px + 3, 28, y_px + 17), radius=4, fill=(*rgb, 255), outline=(90, 98, 110, 255)
-        )
-        draw.text((38, y_px + 1), label, font=_font(15), fill=(*INK, 255))
-    return card

@@ -15,8 +15,11 @@ from planner import Planner, make_planner, planner_names
 
 from .errors import UsageError
 from .scenarios import Scenario, Unit, load_scenario
+from .world.motion_settings import MotionSettings
+from .world.servo_settings import ServoSettings
 
 Frames = Literal["each", "last", "none"]
+MotionKind = Literal["none", "kinematic", "servo"]
 PLANNERS = ", ".join(planner_names())
 
 
@@ -42,6 +45,25 @@ class EpisodeOptions:
     """default (the embedded 7-joint arm), none (a free-flying probe), or the path of any MJCF arm."""
     flange: str = "flange"
     """Site of the arm that carries the probe."""
+    motion: MotionKind = "kinematic"
+    """How the arm gets from pose to pose: kinematic (along a timed, collision-free path), servo (the same path sent to
+    simulated servos, the probe pressing on a compliant organ), none (it jumps; cheapest, the time is estimated)."""
+    joint_speed: float | None = None
+    """Speed limit of every joint [rad/s, slides m/s]. The published ones for the default arm, 1.0 for any other."""
+    joint_acceleration: float | None = None
+    """Acceleration limit of every joint [rad/s^2, slides m/s^2]. Published for the default arm, 4.0 for any other."""
+    tip_speed_mm_s: float = 250.0
+    """Speed limit of the probe's tip between poses [mm/s]."""
+    approach_speed_mm_s: float = 50.0
+    """Speed limit of the tip on its way to and from the organ [mm/s]."""
+    press_mm: float = 2.0
+    """With --motion servo: how far below the surface the tip is sent [mm]."""
+    stiffness_n_m: float | None = None
+    """With --motion servo: spring of the organ under the tip [N/m]; 87, healthy liver under the probe's face."""
+    force_limit_n: float = 5.0
+    """With --motion servo: contact force at which the arm stops and the run ends [N]."""
+    sensing_s: float = 2.0
+    """Modelled time of one sensing action [s], which adds to the procedure's."""
     organ: Path | None = None
     """Replace the scenario's organ by this mesh (STL, OBJ, PLY)."""
     tumour: tuple[Path, ...] = ()
@@ -90,6 +112,10 @@ class EpisodeOptions:
             raise UsageError(f"--seed {self.seed}: 0 or more.")
         if self.planner not in planner_names():
             raise UsageError(f"--planner {self.planner}: choose one of {PLANNERS}.")
+        if self.motion == "servo" and self.arm == "none":
+            raise UsageError(
+                "--motion servo: a free-flying probe has no servos. Name an arm, or leave --motion out."
+            )
         if self.tumour and self.organ is None:
             raise UsageError("--tumour goes with --organ, in whose coordinates the tumours lie.")
 
@@ -110,6 +136,27 @@ class EpisodeOptions:
                 "n_tumours": 0,
             }
         return dataclasses.replace(scenario, **changes)
+
+    def make_motion_settings(self) -> MotionSettings:
+        """The motion's settings."""
+        try:
+            return MotionSettings(
+                joint_speed=self.joint_speed,
+                joint_acceleration=self.joint_acceleration,
+                tip_speed_m_s=self.tip_speed_mm_s * 1e-3,
+                approach_speed_m_s=self.approach_speed_mm_s * 1e-3,
+                sensing_s=self.sensing_s,
+            )
+        except ValueError as error:
+            raise UsageError(str(error)) from error
+
+    def make_servo_settings(self) -> ServoSettings:
+        """The simulated arm's settings."""
+        changes = {} if self.stiffness_n_m is None else {"stiffness_n_m": self.stiffness_n_m}
+        try:
+            return ServoSettings(press_m=self.press_mm * 1e-3, force_limit_n=self.force_limit_n, **changes)
+        except ValueError as error:
+            raise UsageError(str(error)) from error
 
     def make_planner(self) -> Planner:
         """The planner with its options."""

@@ -24,7 +24,7 @@ from threadpoolctl import threadpool_info
 from .errors import UsageError
 
 MANIFEST = "manifest.json"
-PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp")
+PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp", "toppra")
 WRITTEN = (
     "config.json",
     "steps.csv",
@@ -32,6 +32,7 @@ WRITTEN = (
     "states.csv",
     "summary.json",
     "map.npz",
+    "anatomy.npz",
     "reach.csv",
     "reach.parquet",
 )
@@ -116,10 +117,12 @@ class RunFolder:
         self._replace(name, buffer.getvalue())
 
     def _replace(self, name: str, content: bytes) -> None:
-        temporary = self.path / f".{name}.part"
+        target = self.path / name
+        target.parent.mkdir(exist_ok=True)
+        temporary = target.with_name(f".{target.name}.part")
         with temporary.open("wb") as file:
             file.write(content)
-        temporary.replace(self.path / name)
+        temporary.replace(target)
 
     def _remove_old_run(self) -> None:
         frames = self.path / "frames"
@@ -127,6 +130,7 @@ class RunFolder:
             *(self.path / name for name in (*WRITTEN, MANIFEST)),
             *self.path.glob("*.png"),
             *frames.glob("*.png"),
+            *(self.path / "motion").glob("*.npz"),
         ]
         for file in old:
             file.unlink(missing_ok=True)

@@ -18,16 +18,21 @@ from mapping import MapMetrics
 from .episode import Episode, Step
 from .frames import FrameWriter
 from .interrupt import NotedInterrupt
+from .motion import ProcedureStoppedError
+from .movers import make_mover
 from .options import EpisodeOptions
 from .recording import RunFolder, check_out_folder
 from .run_figures import draw_run_figures
 from .stage import Stage, build_stage
 from .theatre import arm_named
+from .trajectories import write_anatomy, write_motion
 from .world.arm import ArmModel
 from .world.rendering import SceneRenderer
 
 SENSED_TARGET = 0.95
 """The paper's measure of detection: this share of the tumours' points was sensed."""
+SECONDS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
+"""Columns of computing time, which no run repeats."""
 
 
 @dataclass
@@ -47,8 +52,17 @@ class Tally:
 
     def seconds(self) -> dict[str, float]:
         """Time by part [s]."""
-        names = ("plan_s", "ik_s", "sense_s", "update_s")
-        return {name: sum(getattr(step, name) for step in self.steps) for name in names}
+        return {name: sum(getattr(step, name) for step in self.steps) for name in SECONDS}
+
+    def motion(self) -> dict[str, float | None]:
+        """Modelled time of the procedure and ways of joints and tip."""
+        travels_rad = [step.motion.joint_travel_rad for step in self.steps]
+        return {
+            "motion_s": sum(step.motion.motion_s for step in self.steps),
+            "procedure_s": sum(step.procedure_s for step in self.steps),
+            "joint_travel_rad": None if None in travels_rad else sum(way for way in travels_rad if way),
+            "tip_path_m": sum(step.motion.tip_path_m for step in self.steps),
+        }
 
 
 def arm_model(options: EpisodeOptions) -> ArmModel | None:
@@ -70,17 +84,27 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
     planner, map_settings = options.make_planner(), options.make_map_settings()
+    motion_settings, servo_settings = options.make_motion_settings(), options.make_servo_settings()
     with (
         threadpool_limits(limits=1),
         ExitStack() as stack,
     ):  # two BLAS pools on two threads fight; and bytes repeat
         stage = build_stage(scenario, arm_model(options), map_settings)
-        episode = Episode(stage, planner, seed=options.seed, map_settings=map_settings)
+        mover = make_mover(stage, options.motion, motion_settings, servo_settings)
+        episode = Episode(
+            stage,
+            planner,
+            seed=options.seed,
+            map_settings=map_settings,
+            mover=mover,
+            sensing_s=motion_settings.sensing_s,
+        )
         renderer = None
         if options.frames != "none":
             renderer = stack.enter_context(SceneRenderer(episode.truth.scene))
         folder = stack.enter_context(RunFolder(out, overwrite=options.overwrite))
         folder.begin(_config(options, stage, map_settings), {"seed": options.seed})
+        write_anatomy(folder, episode.truth.anatomy)
         for notice in (*stage.notices, *episode.truth.anatomy.notices):
             print(f"note: {notice}", file=sys.stderr)
         interrupt = stack.enter_context(NotedInterrupt())
@@ -117,6 +141,10 @@ def _record(
                 raise KeyboardInterrupt
     except KeyboardInterrupt:
         status = "interrupted"
+        raise
+    except ProcedureStoppedError as error:
+        status = "stopped"
+        write_motion(folder, len(tally.steps) + 1, error.motion)
         raise
     finally:
         progress.close()
@@ -174,7 +202,15 @@ def _write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
             "sensed_fraction": step.sensed_fraction,
             "auprc": step.auprc,
             "n_skipped": len(step.skipped),
-            **{name: getattr(step, name) for name in ("plan_s", "ik_s", "sense_s", "update_s")},
+            "motion_s": step.motion.motion_s,
+            "procedure_s": step.procedure_s,
+            "joint_travel_rad": step.motion.joint_travel_rad,
+            "tip_path_m": step.motion.tip_path_m,
+            "tracking_error_m": step.motion.tracking_error_m,
+            "tracking_error_rad": step.motion.tracking_error_rad,
+            "contact_force_n": step.motion.contact_force_n,
+            "peak_force_n": step.motion.peak_force_n,
+            **{name: getattr(step, name) for name in SECONDS},
         },
     )
     for skipped in step.skipped:
@@ -183,6 +219,7 @@ def _write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
         row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
         folder.append_row("states.csv", row | dict(zip(carrier.joint_names, q, strict=True)))
+    write_motion(folder, step.step, step.motion)
     write_map(folder, episode, is_final=False)
 
 
@@ -231,6 +268,7 @@ def _summary(
             int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))
         ],
         "n_skipped_poses": tally.n_skipped_poses,
+        **tally.motion(),
         **tally.seconds(),
     }
 

@@ -15,6 +15,8 @@ ROWS = (
     ("log loss", "log_loss", "{:.4f}"),
     ("calibration error", "expected_calibration_error", "{:.4f}"),
     ("poses skipped, out of the arm's reach", "n_skipped_poses", "{}"),
+    ("modelled time of the procedure [s]", "procedure_s", "{:.1f}"),
+    ("way of the tip [m]", "tip_path_m", "{:.2f}"),
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
 

@@ -116,13 +116,14 @@ def test_joint_states_bring_the_tip_to_the_recorded_pose(run_folder) -> None:
 def test_the_same_seed_gives_the_same_bytes_but_for_the_seconds(run_folder, tmp_path) -> None:
     run = sounding("episode", "--scenario", "sphere", "--steps", 3, "--out", tmp_path / "again")
     assert run.returncode == 0, run.stderr
-    timed = ("plan_s", "ik_s", "sense_s", "update_s")
+    timed = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
 
     def without_seconds(folder: Path) -> list[dict[str, str]]:
         return [{key: text for key, text in row.items() if key not in timed} for row in read_steps(folder)]
 
     assert without_seconds(run_folder) == without_seconds(tmp_path / "again")
-    assert (run_folder / "states.csv").read_bytes() == (tmp_path / "again" / "states.csv").read_bytes()
+    for name in ("states.csv", "anatomy.npz", *(f"motion/{step:05d}.npz" for step in (1, 2, 3))):
+        assert (run_folder / name).read_bytes() == (tmp_path / "again" / name).read_bytes()
 
 
 def test_a_second_run_into_the_folder_is_refused(run_folder) -> None:

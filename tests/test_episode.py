@@ -90,7 +90,7 @@ def test_with_the_arm_the_reading_comes_from_where_the_tip_really_is(sphere_arm_
 
 def test_the_probe_lifts_between_places(sphere_arm_stage) -> None:
     _, steps = run(sphere_arm_stage, make_planner("random"), n=2)
-    path_m = steps[1].tip_path_m
+    path_m = steps[1].motion.tips_m
     assert path_m.shape == (4, 3)  # contact, above it, above the next, contact
     assert path_m[1, 2] - path_m[0, 2] > 0.03  # up from the last place
     assert path_m[2, 2] - path_m[3, 2] > 0.03  # down to the next

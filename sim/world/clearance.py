@@ -54,7 +54,7 @@ class Clearance:
         """Cover the scene's arm and probe geoms with spheres; `organ_distance` is the organ's distance grid."""
         model = scene.model
         self._model = model
-        self._grid = organ_distance
+        self.organ_distance = organ_distance
         self._tip_id = model.site(scene.tip_site).id
         self._geoms = np.array(sorted(scene.arm_geoms), dtype=np.int64)
         covers = [_cover(model, int(geom), self._tip_id) for geom in self._geoms]
@@ -77,12 +77,12 @@ class Clearance:
             worst = min(data.contact[: data.ncon], key=lambda contact: contact.dist)
             if worst.dist < 0.0:
                 return Collision((self.name(worst.geom1), self.name(worst.geom2)), float(worst.dist))
-        near_m = self._grid.distance_m(data.geom_xpos[self._geoms]) - self._bound_m
+        near_m = self.organ_distance.distance_m(data.geom_xpos[self._geoms]) - self._bound_m
         for index in np.flatnonzero(near_m < self._margin_m):
             geom = int(self._geoms[index])
             at, radius_m = self._covers[geom]
             points_m = data.geom_xpos[geom] + at @ data.geom_xmat[geom].reshape(3, 3).T
-            distance_m = float(np.min(self._grid.distance_m(points_m) - radius_m))
+            distance_m = float(np.min(self.organ_distance.distance_m(points_m) - radius_m))
             if distance_m < self._margin_m[index]:
                 return Collision((self.name(geom), "organ"), distance_m)
         return None
@@ -117,14 +117,14 @@ class Clearance:
         for geom, points_m in self._probe_points_m.items():
             centre_m = points_m.mean(axis=0)
             reach_m = float(np.linalg.norm(points_m - centre_m, axis=1).max())
-            distance_m = self._grid.distance_m(tips_m + R_world_tip @ centre_m) - reach_m
+            distance_m = self.organ_distance.distance_m(tips_m + R_world_tip @ centre_m) - reach_m
             near = np.flatnonzero((distance_m < PROBE_FAR_M) & (distance_m < least_m))
             if not len(near):
                 least_m = np.minimum(least_m, distance_m)
                 continue
             world_m = tips_m[near, None] + points_m @ R_world_tip[near].transpose(0, 2, 1)
             distance_m[near] = (
-                self._grid.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(points_m)).min(axis=1)
+                self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(points_m)).min(axis=1)
             )
             is_less = distance_m < least_m
             least_m, closest = np.where(is_less, distance_m, least_m), np.where(is_less, geom, closest)
@@ -144,7 +144,7 @@ class Clearance:
         """
         arm = self._geoms[~self._is_probe]
         n = len(geoms_m)
-        bound_m = self._grid.distance_m(geoms_m[:, arm].reshape(-1, 3)).reshape(n, -1)
+        bound_m = self.organ_distance.distance_m(geoms_m[:, arm].reshape(-1, 3)).reshape(n, -1)
         bound_m -= self._bound_m[~self._is_probe]
         for column, geom in enumerate(arm):
             near = np.flatnonzero(bound_m[:, column] < FAR_M)
@@ -152,7 +152,7 @@ class Clearance:
                 continue
             at, radius_m = self._covers[int(geom)]
             world_m = geoms_m[near, geom][:, None] + at @ R_world_geoms[near, geom].transpose(0, 2, 1)
-            gaps_m = self._grid.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at)) - radius_m
+            gaps_m = self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at)) - radius_m
             bound_m[near, column] = gaps_m.min(axis=1)
         if not len(arm):
             return np.full(n, np.inf), np.zeros(n, dtype=np.int64)
@@ -195,7 +195,7 @@ def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.fl
         int(mujoco.mjtGeom.mjGEOM_CAPSULE),
         int(mujoco.mjtGeom.mjGEOM_SPHERE),
     ):
-        return _axis_spheres(model, geom)
+        return axis_spheres(model, geom)
     points_m = _surface_points(model, geom)
     if is_probe:
         in_body_m = points_m @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
@@ -203,7 +203,7 @@ def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.fl
     return points_m, np.zeros(len(points_m))
 
 
-def _axis_spheres(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def axis_spheres(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Spheres along a capsule's axis, half a radius apart, so that they miss at most 3 % of its radius."""
     radius_m = float(model.geom_size[geom, 0])
     is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE

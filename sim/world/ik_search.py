@@ -67,8 +67,8 @@ class IkSearch:
         self.settings = settings or IkSettings()
         self.chain = Chain(scene)
         self.meter = GapMeter(scene, clearance)
-        self._clearance = clearance
-        self._starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        self.clearance = clearance
+        self.starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
         self._hub = self.chain.axis_hub()
         self._reach = self.chain.hub_reach()
 
@@ -107,12 +107,12 @@ class IkSearch:
         clearance_m, n_solutions = np.full(n, np.nan), np.zeros(n, dtype=np.int64)
         is_tight = self._refuse_hopeless(positions_m, normals, results)
         is_open = np.array([result is None for result in results])
-        n_starts = min(settings.max_restarts + 1, len(self._starts))
+        n_starts = min(settings.max_restarts + 1, len(self.starts))
         first, count = 0, settings.n_compared
         while first < n_starts and is_open.any():
             rows = np.flatnonzero(is_open)
             last = min(first + count, n_starts)
-            chosen = self._starts.starts(positions_m[rows], normals[rows], first, last)
+            chosen = self.starts.starts(positions_m[rows], normals[rows], first, last)
             owner = np.repeat(rows, chosen.shape[1])
             trials = self._try(owner, chosen.reshape(-1, self.chain.n_joints), positions_m, normals, is_tight)
             for row in rows:
@@ -148,7 +148,7 @@ class IkSearch:
         for lift_m in lifts_m:
             at_m = positions_m - lift_m * normals
             too_far_m = self.too_far_m(at_m, normals)
-            probe_m, geom = self._clearance.probe_distances(at_m, R_world_tip)
+            probe_m, geom = self.clearance.probe_distances(at_m, R_world_tip)
             is_tight |= probe_m < SURE_M + self.settings.slack_m
             place = "above the pose" if lift_m else "at the pose"
             for row in np.flatnonzero((too_far_m > 0.0) | (probe_m < PROBE_MARGIN_M)).tolist():
@@ -237,7 +237,7 @@ class IkSearch:
         probe_m, geom = np.full(len(rows), np.inf), np.zeros(len(rows), dtype=np.int64)
         tight = np.flatnonzero(is_tight[rows])
         state = self.chain.forward(q[rows[tight]])
-        probe_m[tight], geom[tight] = self._clearance.probe_distances(state.tips_m, state.R_world_tip)
+        probe_m[tight], geom[tight] = self.clearance.probe_distances(state.tips_m, state.R_world_tip)
         is_free[rows] = gaps.is_free & (probe_m >= PROBE_MARGIN_M)
         for index in np.flatnonzero(~is_free[rows]).tolist():
             hit = self.meter.collision(gaps, index) or self.meter.probe_collision(

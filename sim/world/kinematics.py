@@ -45,8 +45,8 @@ class Kinematics:
             position_tolerance_m=SEARCH_SLACK * self.settings.position_tolerance_m,
             angle_tolerance_rad=SEARCH_SLACK * self.settings.angle_tolerance_rad,
         )
-        self._search = IkSearch(scene, clearance, loose)
-        self._strict = self._search.with_settings(self.settings)
+        self.search = IkSearch(scene, clearance, loose)
+        self._strict = self.search.with_settings(self.settings)
 
     def solve(self, position_m: NDArray[np.float64], normal: NDArray[np.float64]) -> IkResult:
         """Joint positions that bring the tip to a sensing pose, and to the stand-off above it.
@@ -59,7 +59,7 @@ class Kinematics:
             ValueError: A pose that is not finite, or a normal that is not of unit length.
         """
         position_m, normal = _checked_pose(position_m, normal)
-        found = self._search.search(position_m[None], normal[None]).results[0]
+        found = self.search.search(position_m[None], normal[None]).results[0]
         if not found.is_reached:
             return found
         if (polished := self._polished(found, position_m, normal)) is not None:

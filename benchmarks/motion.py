@@ -1,0 +1,60 @@
+"""Motion on a scenario's random poses: how many straight transfers collide, what replaces them, and what it costs.
+
+python -m benchmarks.motion --scenario liver --poses 100
+"""
+
+import argparse
+from itertools import pairwise
+from time import process_time
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mapping import MapSettings
+from sim.movers import make_mover
+from sim.scenarios import load_scenario
+from sim.stage import build_stage
+from sim.world.arm import ArmModel
+from sim.world.path_check import PathCheck
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenario", default="liver")
+    parser.add_argument("--poses", type=int, default=100)
+    parser.add_argument("--servo-poses", type=int, default=15)
+    options = parser.parse_args()
+    with threadpool_limits(limits=1):
+        stage = build_stage(load_scenario(options.scenario), ArmModel(), MapSettings())
+        rng = np.random.default_rng(0)
+        poses = rng.permutation(stage.workspace.n_poses)[: options.poses].tolist()
+        poses = [pose for pose in poses if stage.carrier.reach(pose).is_reached]
+        search = stage.carrier.search
+        check = PathCheck(stage.scene, search.chain, search.meter, search.clearance)
+        lifted = [stage.carrier.reach(pose).q_standoff[search.chain.columns] for pose in poses]
+        n_hit = sum(not check.is_free(np.stack(pair)) for pair in pairwise(lifted))
+        print(f"{options.scenario}: {len(poses)} reached poses, straight transfers that collide: {n_hit}")
+        for kind in ("none", "kinematic", "servo"):
+            chosen = poses[: options.servo_poses] if kind == "servo" else poses
+            mover, data, took_s, motions = make_mover(stage, kind), stage.scene.new_data(), [], []
+            for pose in chosen:
+                start_s = process_time()
+                motions.append(mover.move(data, pose))
+                took_s.append(process_time() - start_s)
+            median_ms, mean_ms, worst_ms = 1e3 * np.array([np.median(took_s), np.mean(took_s), max(took_s)])
+            done = [motion for motion in motions if motion.is_done]
+            print(
+                f"{kind:9}: {len(done)} of {len(chosen)} done; CPU {median_ms:.0f} ms median, "
+                f"{mean_ms:.0f} mean, {worst_ms:.0f} worst; "
+                f"motion {np.mean([motion.motion_s for motion in done]):.2f} s mean"
+            )
+            if kind == "servo":
+                error_mm = 1e3 * max(motion.tracking_error_m for motion in done)
+                forces_n = [motion.contact_force_n for motion in done]
+                peak_n = max(motion.peak_force_n for motion in done)
+                print(f"           tracking error at sensing at most {error_mm:.3f} mm;", end=" ")
+                print(f"force {min(forces_n):.2f} to {max(forces_n):.2f} N, peak {peak_n:.2f} N")
+
+
+if __name__ == "__main__":
+    main()

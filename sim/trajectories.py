@@ -1,0 +1,88 @@
+"""Trajectory files: the states of a run and the anatomy around them, so that a replay needs nothing else."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from .errors import UsageError
+from .motion import Motion
+from .recording import RunFolder
+from .world.anatomy import Anatomy, build_anatomy
+from .world.errors import WorldError
+from .world.solid import Solid
+
+ANATOMY = "anatomy.npz"
+KEYS = ("time_s", "states", "tips_m", "phases")
+
+
+def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
+    """Write the states of one step's motion to motion/<step>.npz."""
+    arrays = {key: getattr(motion, key) for key in KEYS}
+    folder.write_arrays(f"motion/{step:05d}.npz", compressed=True, **arrays)
+
+
+def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
+    """Write the surfaces of organ and tumours, world frame [m]."""
+    solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
+    arrays = {f"{name}_vertices_m": solid.vertices_m for name, solid in solids.items()}
+    arrays |= {f"{name}_faces": solid.faces.astype(np.int32) for name, solid in solids.items()}
+    folder.write_arrays(ANATOMY, compressed=True, **arrays)
+
+
+def read_anatomy(folder: Path) -> Anatomy:
+    """The anatomy of a run, without detection points.
+
+    Raises:
+        UsageError: The file is missing or broken.
+    """
+    try:
+        with np.load(folder / ANATOMY, allow_pickle=False) as arrays:
+            names = [key.removesuffix("_faces") for key in arrays.files if key.endswith("_faces")]
+            solids = {name: Solid(arrays[f"{name}_vertices_m"], arrays[f"{name}_faces"]) for name in names}
+            tumours = tuple(solids[f"tumour{i}"] for i in range(len(names) - 1))
+            rng = np.random.default_rng(0)
+            return build_anatomy(solids["organ"], tumours, name=folder.name, rng=rng, n_detection_points=0)
+    except FileNotFoundError as error:
+        raise UsageError(
+            f"{folder / ANATOMY}: missing; only runs that recorded motion can be replayed."
+        ) from error
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, WorldError) as error:
+        raise UsageError(f"{folder / ANATOMY}: cannot be read ({error}). Run the episode again.") from error
+
+
+def read_motions(folder: Path) -> dict[int, Motion]:
+    """The recorded motions of a run by step, in order.
+
+    Raises:
+        UsageError: There are none, or a file is broken.
+    """
+    files = sorted((folder / "motion").glob("*.npz"))
+    if not files:
+        raise UsageError(f"{folder}: holds no motion/*.npz, so there is nothing to replay.")
+    return {_step_of(file): _read_motion(file) for file in files}
+
+
+def _step_of(file: Path) -> int:
+    if not file.stem.isdecimal():
+        raise UsageError(f"{file}: is not named by the number of a step; remove it.")
+    return int(file.stem)
+
+
+def _read_motion(file: Path) -> Motion:
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            time_s, states, tips_m, phases = (arrays[key] for key in KEYS)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise UsageError(f"{file}: cannot be read ({error}). Run the episode again.") from error
+    shapes_fit = states.ndim == 2 and time_s.shape == phases.shape == states.shape[:1] != (0,)
+    if not (
+        shapes_fit
+        and np.isfinite(states).all()
+        and np.isfinite(time_s).all()
+        and (np.diff(time_s) >= 0).all()
+    ):
+        raise UsageError(f"{file}: times and states do not fit together. Run the episode again.")
+    return Motion(time_s=time_s, states=states, tips_m=tips_m, phases=phases, joint_travel_rad=None)

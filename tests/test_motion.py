@@ -1,0 +1,357 @@
+"""Motion: paths touch nothing, keep all limits, begin and end where they should, and servos follow them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+import pytest
+
+from planner import Planner, make_planner
+from sim.episode import Episode
+from sim.motion import Mover, Phase, ProcedureStoppedError, blocked, rest_to_rest_s
+from sim.movers import make_mover
+from sim.world.joint_limits import JointLimits
+from sim.world.motion_settings import MotionSettings
+from sim.world.path_check import PathCheck
+from sim.world.path_search import PathSearch
+from sim.world.path_tree import connect_trees
+from sim.world.servo_settings import LIVER_YOUNG_PA, ServoSettings, punch_stiffness_n_m
+from sim.world.surface_distance import SurfaceDistance
+
+POSES = (0, 14_399, 7_000, 119, 14_000, 3_333)
+"""Poses at corners and in the middle of the organ, so that transfers cross it."""
+INNER = (7_000, 5_060)
+"""Poses away from the organ's sharp rim, which the distance grid rounds off."""
+CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
+
+
+def motions(stage, kind, poses=POSES, **more):
+    mover = make_mover(stage, kind, **more)
+    data = stage.scene.new_data()
+    return [mover.move(data, pose) for pose in poses if stage.carrier.reach(pose).is_reached], mover
+
+
+@pytest.fixture(scope="module")
+def kinematic(sphere_arm_stage):
+    return motions(sphere_arm_stage, "kinematic")[0]
+
+
+@pytest.fixture(scope="module")
+def limits(sphere_arm_stage):
+    return JointLimits.of_arm(sphere_arm_stage.arm.path, np.zeros(7, dtype=bool))
+
+
+@pytest.fixture(scope="module")
+def exact(sphere_arm_stage):
+    """Distances to the organ's triangles."""
+    return SurfaceDistance(sphere_arm_stage.organ)
+
+
+def test_no_recorded_state_touches_what_it_must_not(sphere_arm_stage, kinematic, exact) -> None:
+    """By MuJoCo's own contacts, and by exact distances of the capsules' axes to the organ's triangles."""
+    scene, organ = sphere_arm_stage.scene, sphere_arm_stage.organ
+    data = scene.new_data()
+    capsules = [geom for geom in scene.arm_geoms if scene.model.geom_type[geom] == CAPSULE]
+    share = np.linspace(-1.0, 1.0, 9)[:, None]
+    for motion in kinematic:
+        assert motion.is_done
+        axes_m, radii_m = [], []
+        for state in motion.states[::8]:
+            data.qpos[:] = state
+            mujoco.mj_fwdPosition(scene.model, data)
+            assert data.ncon == 0 or data.contact.dist.min() >= 0.0
+            for geom in capsules:
+                along = data.geom_xmat[geom].reshape(3, 3)[:, 2] * scene.model.geom_size[geom, 1]
+                axes_m.append(data.geom_xpos[geom] + share * along)
+                radii_m.append(np.full(len(share), scene.model.geom_size[geom, 0]))
+        points_m, radii_m = np.vstack(axes_m), np.concatenate(radii_m)
+        assert not organ.contains(points_m).any()
+        near = np.linalg.norm(points_m - organ.bounds_m.mean(axis=0), axis=1) < 0.25
+        gaps_m = exact.distance_to_triangles_m(points_m[near]) - radii_m[near]
+        assert gaps_m.min() > -1e-4
+
+
+def test_transfers_keep_the_tip_off_the_organ(sphere_arm_stage, kinematic, exact) -> None:
+    for motion in kinematic:
+        tips_m = motion.tips_m[motion.phases == Phase.TRANSFER]
+        assert not sphere_arm_stage.organ.contains(tips_m).any()
+        assert exact.distance_to_triangles_m(tips_m[::20]).min() > 0.003
+
+
+def test_ways_around_are_found_where_the_straight_way_collides(sphere_arm_stage) -> None:
+    search = sphere_arm_stage.carrier.search
+    check = PathCheck(sphere_arm_stage.scene, search.chain, search.meter, search.clearance)
+    paths, rng, n_around = PathSearch(search, check), np.random.default_rng(3), 0
+    for _ in range(60):
+        start, end = search.starts.q[rng.integers(len(search.starts.q), size=2)]
+        if (
+            n_around == 2
+            or not check.is_free(np.stack([start, start]))
+            or not check.is_free(np.stack([end, end]))
+        ):
+            continue
+        if check.is_free(np.stack([start, end])):
+            continue
+        path = paths.transfer(start, end)
+        if not path.is_free:
+            assert "penetrates" in path.reason or "close" in path.reason
+            continue
+        n_around += 1
+        np.testing.assert_allclose(path.curves[0](0.0), start, atol=1e-9)
+        np.testing.assert_allclose(path.curves[-1](path.curves[-1].x[-1]), end, atol=1e-9)
+        for curve in path.curves:
+            q = curve(np.linspace(0.0, curve.x[-1], 300))
+            state = search.chain.forward(q)
+            probe_m, _ = search.clearance.probe_distances(state.tips_m, state.R_world_tip)
+            assert search.meter.measure(search.chain.full(q)).is_free.all()
+            assert (probe_m >= 0.0).all()
+    assert n_around == 2
+
+
+def test_limits_of_speed_and_acceleration_hold_by_finite_differences(kinematic, limits) -> None:
+    for motion in kinematic:
+        dt_s = np.diff(motion.time_s)
+        assert (dt_s > 0.0).all()
+        assert dt_s.max() <= 0.01 + 1e-9
+        speed = np.diff(motion.states, axis=0) / dt_s[:, None]
+        assert (np.abs(speed) <= limits.speed * 1.001).all()
+        middle_s = (dt_s[1:] + dt_s[:-1]) / 2.0
+        acceleration = np.diff(speed, axis=0) / middle_s[:, None]
+        assert (np.abs(acceleration) <= limits.acceleration * 1.02).all()
+        tip_m_s = np.linalg.norm(np.diff(motion.tips_m, axis=0), axis=1) / dt_s
+        assert tip_m_s.max() <= 0.25 * 1.005
+        slow = (motion.phases[1:] == motion.phases[:-1]) & (motion.phases[1:] != Phase.TRANSFER)
+        assert tip_m_s[slow].max() <= 0.05 * 1.005
+
+
+def test_paths_begin_and_end_where_they_should(sphere_arm_stage, kinematic) -> None:
+    carrier, workspace = sphere_arm_stage.carrier, sphere_arm_stage.workspace
+    np.testing.assert_array_equal(kinematic[0].states[0], sphere_arm_stage.scene.home_q)
+    for before, after in pairwise(kinematic):
+        np.testing.assert_allclose(before.states[-1], after.states[0], atol=1e-12)
+    for pose, motion in zip(POSES, kinematic, strict=True):
+        np.testing.assert_allclose(motion.states[-1], carrier.reach(pose).q, atol=1e-12)
+        down_m = motion.tips_m[motion.phases == Phase.DESCEND] - workspace.positions_m[pose]
+        normal = workspace.normals[pose]
+        assert np.linalg.norm(down_m - np.outer(down_m @ normal, normal), axis=1).max() < 3e-4
+        assert -down_m[0] @ normal == pytest.approx(0.04, abs=5e-4)
+
+
+def test_the_same_poses_give_the_same_bytes(sphere_arm_stage, kinematic) -> None:
+    again, _ = motions(sphere_arm_stage, "kinematic", POSES[:3])
+    assert all(a.states.tobytes() == b.states.tobytes() for a, b in zip(kinematic, again, strict=False))
+
+
+def test_sensing_the_same_pose_again_lifts_and_comes_back(sphere_arm_stage) -> None:
+    (first, second), _ = motions(sphere_arm_stage, "kinematic", (7_000, 7_000))
+    assert (
+        set(second.phases.tolist()) == {Phase.LIFT, Phase.DESCEND, Phase.TRANSFER} or second.tip_path_m < 0.09
+    )
+    assert second.tip_path_m == pytest.approx(0.08, abs=1e-3)
+    np.testing.assert_allclose(first.states[-1], second.states[-1], atol=1e-12)
+
+
+def test_jumps_cost_less_time_than_paths_and_not_much(sphere_arm_stage, kinematic) -> None:
+    jumps, _ = motions(sphere_arm_stage, "none")
+    for jump, motion in zip(jumps, kinematic, strict=True):
+        assert 0.3 * motion.motion_s < jump.motion_s <= motion.motion_s * 1.02
+        assert jump.tip_path_m <= motion.tip_path_m * 1.001  # stations are joined by straight lines
+
+
+def test_slower_joints_take_longer(sphere_arm_stage, kinematic) -> None:
+    settings = MotionSettings(joint_speed=0.2, joint_acceleration=0.5)
+    slow, _ = motions(sphere_arm_stage, "kinematic", POSES[:2], settings=settings)
+    for motion, usual in zip(slow, kinematic, strict=False):
+        assert motion.motion_s > usual.motion_s
+        speed = np.diff(motion.states, axis=0) / np.diff(motion.time_s)[:, None]
+        assert np.abs(speed).max() <= 0.2 * 1.001
+
+
+@pytest.mark.parametrize(("distance", "wanted_s"), [(0.0, 0.0), (0.25, 1.0), (1.0, 2.0), (3.0, 4.0)])
+def test_rest_to_rest_is_the_trapezoid(distance, wanted_s) -> None:
+    # speed 1, acceleration 1: below 1 a triangle of 2 sqrt(d), above it d + 1
+    assert rest_to_rest_s(np.array(distance), np.array(1.0), np.array(1.0)) == pytest.approx(wanted_s)
+
+
+def test_the_gaps_prove_what_dense_sampling_finds(sphere_arm_stage) -> None:
+    search = sphere_arm_stage.carrier.search
+    check = PathCheck(sphere_arm_stage.scene, search.chain, search.meter, search.clearance)
+    rng = np.random.default_rng(0)
+    verdicts = []
+    for _ in range(25):
+        start, end = search.starts.q[rng.integers(len(search.starts.q), size=2)]
+        line = np.linspace(start, end, 150)
+        gaps, state = search.meter.measure(search.chain.full(line)), search.chain.forward(line)
+        probe_m, _ = search.clearance.probe_distances(state.tips_m, state.R_world_tip)
+        hit = check.first_hit(np.stack([start, end]))
+        verdicts.append(hit is None)
+        if hit is None:
+            assert gaps.is_free.all()
+            assert (probe_m >= 0.0).all()
+    assert 3 < sum(verdicts) < 22
+
+
+def test_no_point_of_the_arm_moves_farther_than_its_levers_say(sphere_arm_stage) -> None:
+    search, scene = sphere_arm_stage.carrier.search, sphere_arm_stage.scene
+    check = PathCheck(scene, search.chain, search.meter, search.clearance)
+    rng, data = np.random.default_rng(1), scene.new_data()
+    for _ in range(50):
+        q = rng.uniform(*search.chain.search_range())
+        step = rng.normal(size=7) * 0.02
+        places_m = []
+        for each in (q, q + step):
+            data.qpos[:] = search.chain.full(each)
+            mujoco.mj_kinematics(scene.model, data)
+            places_m.append([*data.geom_xpos[sorted(scene.arm_geoms)], data.site(scene.tip_site).xpos.copy()])
+        moved_m = np.linalg.norm(np.diff(places_m, axis=0)[0], axis=1).max()
+        assert moved_m <= check.motion_m(q, q + step) + 1e-12
+
+
+def test_trees_find_the_gap_in_a_wall_and_say_when_there_is_none() -> None:
+    samples = np.random.default_rng(0).uniform(-2.0, 2.0, (500, 2))
+
+    def is_free(a, b, *, gap=0.5):
+        points = np.linspace(a, b, 50)
+        return not ((np.abs(points[:, 0]) < 0.1) & (np.abs(points[:, 1] - 1.5) > gap / 2)).any()
+
+    start, end = np.array([-1.0, -1.0]), np.array([1.0, -1.0])
+    path = connect_trees(start, end, is_free, samples)
+    assert path is not None
+    np.testing.assert_array_equal(path[[0, -1]], [start, end])
+    assert all(is_free(a, b) for a, b in pairwise(path))
+    assert connect_trees(start, end, lambda a, b: is_free(a, b, gap=0.0), samples) is None
+
+
+class BlockedMover(Mover):
+    """Finds no way to some poses."""
+
+    def __init__(self, mover: Mover, is_blocked: set[int]) -> None:
+        self._mover, self._is_blocked = mover, is_blocked
+
+    def move(self, data, pose):
+        if pose in self._is_blocked:
+            return blocked(
+                "No free path leads to the pose: going straight, elbow penetrates table (-3.0 mm)."
+            )
+        return self._mover.move(data, pose)
+
+
+def test_a_pose_without_a_path_is_skipped_with_the_pair(sphere_stage) -> None:
+    class Listed(Planner):
+        needs_belief = False
+
+        def rank(self, situation):
+            return iter(pose for pose in range(4) if situation.available(exclude_sensed=True)[pose])
+
+    mover = BlockedMover(make_mover(sphere_stage), {0, 2})
+    episode = Episode(sphere_stage, Listed(), seed=0, mover=mover, sensing_s=1.5, has_map=False)
+    steps = list(episode.steps(9))
+    assert [step.pose_index for step in steps] == [1, 3]
+    assert {pose: "elbow penetrates table" in episode.skipped[pose].reason for pose in (0, 2)} == {
+        0: True,
+        2: True,
+    }
+    assert all(step.procedure_s == pytest.approx(step.motion.motion_s + 1.5) for step in steps)
+
+
+def test_servos_settle_and_press_with_stiffness_times_depth(sphere_arm_stage) -> None:
+    servo = ServoSettings(press_m=0.003, settle_s=0.6)
+    simulated, mover = motions(sphere_arm_stage, "servo", INNER, servo=servo)
+    grid = sphere_arm_stage.carrier.search.clearance.organ_distance
+    for motion in simulated:
+        assert motion.tracking_error_m < 5e-4
+        assert motion.tracking_error_rad < 1e-3
+        depth_m = -grid.distance_m(motion.tips_m[-1:])[0]
+        assert depth_m == pytest.approx(0.003, abs=5e-4)  # the grid rounds some tenths of a millimetre
+        assert motion.contact_force_n == pytest.approx(servo.stiffness_n_m * depth_m, rel=0.02)
+        assert motion.contact_force_n <= motion.peak_force_n < 2.0 * motion.contact_force_n
+        held = motion.states[motion.phases == Phase.HOLD]
+        assert np.abs(held[-1] - held[-5]).max() < 1e-5
+    assert mover._arm.data.time > 0.0
+
+
+def test_an_arm_that_moves_too_slowly_for_its_servos_is_no_different(sphere_arm_stage, kinematic) -> None:
+    simulated, _ = motions(sphere_arm_stage, "servo", POSES[:2], servo=ServoSettings(press_m=0.0))
+    for motion, exact in zip(simulated, kinematic, strict=False):
+        np.testing.assert_allclose(motion.tips_m[-1], exact.tips_m[-1], atol=1e-4)
+        # what servos trail behind on the way: the tip stays within 5 mm of the exact path at each time
+        at = np.column_stack([np.interp(motion.time_s, exact.time_s, column) for column in exact.tips_m.T])
+        assert np.linalg.norm(motion.tips_m - at, axis=1).max() < 0.005
+
+
+def test_the_reading_comes_from_where_the_pressed_probe_really_is(sphere_arm_stage) -> None:
+    mover = make_mover(sphere_arm_stage, "servo", servo=ServoSettings(press_m=0.003))
+    episode = Episode(sphere_arm_stage, make_planner("random"), seed=0, mover=mover, has_map=False)
+    (step,) = episode.steps(1)
+    np.testing.assert_allclose(step.reading.T_world_probe[:3, 3], step.motion.tips_m[-1], atol=1e-12)
+    deeper_m = step.reading.T_world_probe[:3, 3] - sphere_arm_stage.workspace.positions_m[step.pose_index]
+    normal = sphere_arm_stage.workspace.normals[step.pose_index]
+    assert deeper_m @ normal == pytest.approx(0.003, abs=1e-4)
+
+
+def test_too_much_force_stops_the_arm(sphere_arm_stage) -> None:
+    servo = ServoSettings(stiffness_n_m=4000.0, force_limit_n=3.0)
+    with pytest.raises(ProcedureStoppedError, match="limit of 3 N.*--press-mm") as stopped:
+        motions(sphere_arm_stage, "servo", INNER[:1], servo=servo)
+    motion = stopped.value.motion
+    assert 3.0 < motion.peak_force_n < 4.0
+    assert motion.phases[-1] in (Phase.DESCEND, Phase.HOLD)
+    assert len(motion.time_s) == len(motion.states) == len(motion.phases)
+
+
+def test_the_stiffness_is_that_of_a_punch_on_healthy_liver() -> None:
+    assert punch_stiffness_n_m(LIVER_YOUNG_PA) == pytest.approx(87.5, abs=0.1)
+    assert punch_stiffness_n_m(2.0, radius_m=1.0, poisson=0.0) == 4.0
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (lambda: MotionSettings(tip_speed_m_s=float("nan")), "tip_speed_m_s=nan"),
+        (lambda: MotionSettings(joint_speed=0.0), "joint_speed=0.0"),
+        (lambda: MotionSettings(sensing_s=-1.0), "sensing_s=-1.0"),
+        (lambda: ServoSettings(stiffness_n_m=float("inf")), "stiffness_n_m=inf"),
+        (lambda: ServoSettings(press_m=0.1), "press_m=0.1"),
+        (lambda: ServoSettings(settle_s=float("nan")), "settle_s=nan"),
+    ],
+)
+def test_settings_out_of_range_are_refused(settings, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        settings()
+
+
+def test_other_arms_get_the_stated_limits(sphere_arm_stage, tmp_path) -> None:
+    limits = JointLimits.of_arm(tmp_path / "ur5e.xml", np.array([False, True]))
+    np.testing.assert_array_equal(limits.speed, [1.0, 0.25])
+    np.testing.assert_array_equal(limits.acceleration, [4.0, 1.0])
+
+
+def test_an_arm_whose_home_touches_something_starts_at_the_first_stand_off(sphere_arm_stage) -> None:
+    scene = sphere_arm_stage.scene
+    sunk_q = scene.home_q.copy()
+    sunk_q[1] = 1.7  # bent forward, through the table
+    search = sphere_arm_stage.carrier.search
+    home_q = search.chain._home_q
+    try:
+        search.chain._home_q = sunk_q
+        (motion,), _ = motions(replace(sphere_arm_stage), "kinematic", POSES[2:3])
+    finally:
+        search.chain._home_q = home_q
+    assert motion.is_done
+    assert set(motion.phases.tolist()) == {Phase.DESCEND}
+
+
+def test_servos_of_other_arms_are_fast_for_their_inertia(sphere_arm_stage) -> None:
+    from sim.world.servo import ServoArm
+
+    search = sphere_arm_stage.carrier.search
+    grid, settings = search.clearance.organ_distance, ServoSettings()
+    arm = ServoArm(sphere_arm_stage.scene, search.chain, grid, settings, is_panda=False)
+    home = np.tile(search.chain.home, (500, 1))
+    away = home[:, :] + 0.02
+    run = arm.run(away, np.zeros_like(away), record_every=10)
+    np.testing.assert_allclose(run.states[-1][search.chain.columns], away[-1], atol=2e-3)
+    assert not run.is_stopped

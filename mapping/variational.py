@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, get_blas_funcs, get_lapack_funcs
 
 from .likelihood import agreed_mean, bound_curvature, expected_label
 
@@ -136,13 +136,14 @@ def fit_reading(
     labels = expected_label(0.0, log_odds)
     xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
     posterior = _solve(xi_squared, prior_mean, basis, labels)
-    identity = np.eye(basis.shape[1])
+    (invert_triangle,) = get_lapack_funcs(("trtri",), (basis,))
+    (multiply_triangle,) = get_blas_funcs(("trmm",), (basis,))
     for _ in range(n_iterations - 1):
-        inverse = solve_triangular(posterior.cholesky, identity, lower=True, check_finite=False)
-        spread = basis @ inverse.T
+        inverse, _ = invert_triangle(posterior.cholesky, lower=True)
+        spread = multiply_triangle(1.0, inverse, basis.T, lower=True)
         mean = prior_mean + basis @ posterior.mean
         # xi^2 = phi Sigma' phi + (b + phi . mu')^2
-        xi_squared = np.einsum("nr,nr->n", spread, spread) + mean**2
+        xi_squared = np.einsum("rn,rn->n", spread, spread) + mean**2
         posterior = _solve(xi_squared, prior_mean, basis, expected_label(mean, log_odds))
     return posterior
 

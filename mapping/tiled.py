@@ -59,6 +59,18 @@ class TiledCovariance(KeptCovariance):
         """See `KeptCovariance.among`."""
         return self._product(C, weights, weights)
 
+    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Returns C Sigma C^T among some weights (k,), ascending, from each pair of slabs once."""
+        half = np.zeros_like(C)
+        for here, there in self._slabs(weights, weights):
+            onward = slice(here.start, there.stop)
+            block = self._between(weights[here], weights[onward])
+            block[:, : here.stop - here.start] *= 0.5
+            rows = np.flatnonzero(C[:, here].any(axis=1))
+            half[rows, onward] += C[rows, here] @ block
+        product = half @ C.T
+        return product + product.T
+
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -73,6 +73,9 @@ def test_tiled_products_are_those_of_the_matrix_within_range(features):
     columns, cross = tiled.cross(C, asked)
     # Rounding of sums of some hundred products of order one.
     np.testing.assert_allclose(cross, (C @ matrix[asked])[:, columns], atol=1e-10)
+    inner = tiled.inner(C, asked)
+    np.testing.assert_allclose(inner, C @ matrix[np.ix_(asked, asked)] @ C.T, atol=1e-10)
+    np.testing.assert_array_equal(inner, inner.T)
 
 
 @pytest.mark.parametrize("is_masked", [False, True])

@@ -49,6 +49,7 @@ def run(n_readings: int, n_dense: int) -> None:
     for name, kind in (("dense", CholeskyReference), ("dense diagonal", DenseDiagonal)):
         rows[name], answers[name] = timed_reference(kind, settings["default"], readings[:n_dense], query_m)
     report(rows, answers, n_readings, n_dense)
+    report_draws(settings["default"], readings[:30])
 
 
 def timed_map(belief: HilbertMap, readings):
@@ -97,6 +98,21 @@ def report(rows, answers, n_readings: int, n_dense: int) -> None:
         ratio = wall_ms[base] / wall_ms[name]
         print(f"| {name} | {median:.0f} | {least:.0f} | {cpu:.0f} | {ratio:.0f} | {error or ' | '} |")
     print(f"\n{n_readings} readings, timed after 20; the dense forms {n_dense}. BLAS threads as asked.")
+
+
+def report_draws(settings: MapSettings, readings, n_samples: int = 100) -> None:
+    """What it costs to carry draws of whole maps along and to spread them over the lattice."""
+    plain, drawing = make_map(settings), make_map(settings)
+    drawing.carry_samples(n_samples, rng=np.random.default_rng(0))
+    costs = []
+    for points_m, is_occupied in readings:
+        start = perf_counter()
+        plain.update(points_m, is_occupied)
+        middle = perf_counter()
+        drawing.update(points_m, is_occupied)
+        drawing.sample_lattice()
+        costs.append(perf_counter() - middle - (middle - start))
+    print(f"{n_samples} draws of whole maps cost {1e3 * np.median(costs[10:]):.0f} ms a reading.")
 
 
 if __name__ == "__main__":

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from .arms import arm_named
 from .arm_options import ReachOptions
 from .errors import UsageError
 from .reach_figures import draw_reach, draw_reasons
 from .reachability import ReachStudy, study_reach
 from .recording import RunFolder, check_out_folder
-from .theatre import Theatre, arm_named, build_theatre
+from .theatre import Theatre, build_theatre
 from .world.chain import Chain
 from .world.ik_settings import IkSettings
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from planner import Cone, Workspace
 
-from .errors import UsageError
 from .scenarios import Scenario
 from .stage import make_workspace, placed_organ
 from .world.anatomy import build_anatomy
 from .world.arm import ArmModel
 from .world.clearance import Clearance
 from .world.distance_grid import DistanceGrid
+from .world.footing import check_footing
 from .world.ik_search import IkSearch
 from .world.ik_settings import IkSettings
 from .world.placement import PlacedOrgan
@@ -59,6 +58,7 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
     anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
     scene = build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)
     organ_distance = DistanceGrid.from_solid(placed.organ, margin_m=ORGAN_MARGIN_M)
+    check_footing(scene, organ_distance)
     return Theatre(
         scenario=scenario,
         placed=placed,
@@ -67,14 +67,3 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
         clearance=Clearance(scene, organ_distance),
         notices=notices,
     )
-
-
-def arm_named(arm: str, flange: str) -> ArmModel:
-    """The arm that a command line names: `default` or the path of an MJCF file.
-
-    Raises:
-        UsageError: `none`, which no question about an arm can be asked of.
-    """
-    if arm == "none":
-        raise UsageError("--arm none: a free-flying probe reaches every pose. Name an arm, or `default`.")
-    return ArmModel(flange=flange) if arm == "default" else ArmModel(path=Path(arm), flange=flange)

@@ -82,6 +82,25 @@ class IkSearch:
         """The same search with another number of restarts."""
         return self.with_settings(replace(self.settings, max_restarts=max_restarts))
 
+    def at_base(self, T_world_base: Array) -> IkSearch:
+        """The same search with the arm's base elsewhere, at a frame of shape (4, 4).
+
+        The starts are those of this one, carried along; what they touch at the new place is not looked at, since every
+        answer is.
+        """
+        other = copy.copy(self)
+        other.chain = self.chain.at_base(T_world_base)
+        other.meter = self.meter.at_base(T_world_base)
+        other._starts = self._starts.at_base(other.chain)
+        other._reach = other.chain.hub_reach()
+        return other
+
+    def with_new_starts(self) -> IkSearch:
+        """The same search with starts drawn afresh, free of contacts where the base stands now."""
+        other = copy.copy(self)
+        other._starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        return other
+
     def search(self, positions_m: Array, normals: Array) -> Answers:
         """Answers to poses: positions [m] and inward unit normals, shape (N, 3) each."""
         return Answers.joined(

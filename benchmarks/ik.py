@@ -24,8 +24,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
-from sim.scenarios import SCENARIOS
 from sim.arms import arm_named
+from sim.scenarios import SCENARIOS
 from sim.theatre import Theatre, build_theatre
 from sim.world.descent import AXIS_WEIGHT_M
 from sim.world.ik_search import IkSearch

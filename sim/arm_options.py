@@ -80,7 +80,9 @@ class ReachOptions:
         if not self.arm:
             raise UsageError("--arm: name an arm, or `default`.")
         if len(self.flange) not in (0, 1, len(self.arm)):
-            raise UsageError(f"--flange {' '.join(self.flange)}: one site, or one for each of the {len(self.arm)} arms.")
+            raise UsageError(
+                f"--flange {' '.join(self.flange)}: one site, or one for each of the {len(self.arm)} arms."
+            )
         check_base(self.base_mm, self.base_yaw_deg)
         self._check_base_search()
 
@@ -91,7 +93,9 @@ class ReachOptions:
             raise UsageError(f"--base-poses {self.base_poses}: from 20 to 100000.")
         low_mm, high_mm = self.base_height_mm
         if not -700.0 <= low_mm <= high_mm <= 2000.0:
-            raise UsageError(f"--base-height-mm {low_mm:g} {high_mm:g}: two rising heights from -700 to 2000 mm.")
+            raise UsageError(
+                f"--base-height-mm {low_mm:g} {high_mm:g}: two rising heights from -700 to 2000 mm."
+            )
 
     def flange_of(self, index: int) -> str | None:
         """The flange asked for of one of the arms; None where none is."""

@@ -16,6 +16,8 @@ from .world.ik_search import IkSearch
 
 N_HEIGHTS = 3
 """Heights of the grid, where the range leaves room for them."""
+PLACES_PER_HEIGHT = 25
+"""With fewer places than this for each of them, the grid has fewer heights."""
 MIN_HEIGHT_STEP_M = 0.01
 """Heights less apart than this are one height."""
 SURVEY_SPACING_M = 0.06
@@ -84,7 +86,9 @@ def base_grid(
         n_wanted: Places to ask.
     """
     low_m, high_m = height_m
-    n_heights = 1 if high_m - low_m < MIN_HEIGHT_STEP_M else min(N_HEIGHTS, max(n_wanted // 6, 1))
+    n_heights = (
+        1 if high_m - low_m < MIN_HEIGHT_STEP_M else int(np.clip(n_wanted // PLACES_PER_HEIGHT, 1, N_HEIGHTS))
+    )
     heights_m = np.linspace(low_m, high_m, n_heights)
     at_origin = search.at_base(np.eye(4))
     area_m2 = len(_places(at_origin, poses, SURVEY_SPACING_M, heights_m)) * SURVEY_SPACING_M**2
@@ -113,7 +117,7 @@ def _places(
     for place in np.column_stack([x_m.ravel(), y_m.ravel(), z_m.ravel()]):
         towards = centre_m[:2] - place[:2]
         yaw_rad = float(np.arctan2(towards[1], towards[0])) - heading_rad if towards.any() else 0.0
-        stand = Stand(*place.tolist(), yaw_rad).rounded()
+        stand = Stand(float(place[0]), float(place[1]), float(place[2]), yaw_rad).rounded()
         T = stand.T_world_base
         seen_m, beams = (poses.positions_m - T[:3, 3]) @ T[:3, :3], poses.normals @ T[:3, :3]
         shares.append(float(np.mean(at_origin.too_far_m(seen_m, beams) <= 0.0)))

@@ -9,7 +9,8 @@ the answers to more are for the study of the best base to give.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,9 @@ COARSE_SHARE = 0.6
 """Of the candidates, so many are the coarse grid's."""
 N_ROUNDS, N_PARENTS = 4, 5
 """Rounds of refinement, and the best bases that each draws around."""
-YAW_SPREAD_RAD = np.deg2rad(40.0)
-"""Standard deviation of the yaw in the first round; each round halves it, as it does those of place and height."""
+YAW_SPREAD_RAD = np.deg2rad(60.0)
+"""Half of it is the standard deviation of the yaw in the first round, as half of the grid's steps is that of place and
+height; each round halves them again."""
 MAX_SEEN_POINTS = 4000
 """Points of the organ's inside that stand for it where what the cones see is counted."""
 
@@ -63,6 +65,8 @@ class BaseSearch:
     spacing_m: float
     """Between neighbours of the coarse grid [m]."""
     n_poses: int
+    search_s: float
+    """Time that it took [s]."""
 
     @property
     def asked(self) -> list[Candidate]:
@@ -83,7 +87,7 @@ class BaseQuestion:
     objective: str = "poses"
     """`poses` for the share of poses reached, `seen` for the share of the organ's inside seen from them."""
     seed: int = 0
-    n_jobs: int = field(default=1)
+    n_jobs: int = 1
     """Processes; the answers do not depend on it."""
 
     def merit(self, candidate: Candidate) -> tuple[float, float]:
@@ -107,6 +111,7 @@ def search_base(
         question: How to search.
         on_progress: Called with the number of bases that were asked since the last call.
     """
+    start_s = perf_counter()
     draw_rng, refine_rng = np.random.default_rng(question.seed).spawn(2)
     poses = _drawn_poses(theatre.workspace, question.n_poses, draw_rng)
     judge = _Judge(theatre, search, poses, draw_rng)
@@ -130,7 +135,7 @@ def search_base(
             found += asked(bases)
     blocked = [Candidate(stand=stand, stage="grid", obstacle=text) for stand, text in grid.blocked]
     best = max(found, key=question.merit)
-    return BaseSearch([*found, *blocked], best, grid.spacing_m, poses.n_poses)
+    return BaseSearch([*found, *blocked], best, grid.spacing_m, poses.n_poses, perf_counter() - start_s)
 
 
 def _refinements(
@@ -144,7 +149,9 @@ def _refinements(
     n_left = max(question.n_bases - len(found), 0)
     for number, count in enumerate(np.diff(np.linspace(0, n_left, N_ROUNDS + 1).astype(int)).tolist()):
         parents = sorted(found, key=question.merit, reverse=True)[:N_PARENTS]
-        spread = np.array([grid.spacing_m, grid.spacing_m, grid.height_step_m, YAW_SPREAD_RAD]) / 2.0**number
+        spread = np.array([grid.spacing_m, grid.spacing_m, grid.height_step_m, YAW_SPREAD_RAD]) / 2.0 ** (
+            number + 1
+        )
         children: list[Candidate] = []
         for _ in range(20 * count):  # some are drawn where there is no room
             if len(children) == count:
@@ -166,7 +173,9 @@ def _drawn_poses(workspace: Workspace, count: int, rng: np.random.Generator) -> 
 class _Judge:
     """Asks one base for the poses."""
 
-    def __init__(self, theatre: Theatre, search: IkSearch, poses: Workspace, rng: np.random.Generator) -> None:
+    def __init__(
+        self, theatre: Theatre, search: IkSearch, poses: Workspace, rng: np.random.Generator
+    ) -> None:
         quick = replace(
             search.settings,
             n_compared=min(QUICK_COMPARED, search.settings.n_compared),
@@ -201,4 +210,3 @@ def _seen_points(theatre: Theatre, poses: Workspace, rng: np.random.Generator) -
     points_m = rng.uniform(low_m, high_m, (4 * MAX_SEEN_POINTS, 3))
     inside_m = points_m[theatre.organ_distance.distance_m(points_m) < 0.0][:MAX_SEEN_POINTS]
     return visibility(poses, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), inside_m)
-

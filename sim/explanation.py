@@ -44,9 +44,7 @@ def explain_pose(options: IkOptions) -> Explanation:
 
 
 def _arm(options: IkOptions) -> ArmModel:
-    return arm_named(
-        options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg
-    )
+    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
 
 
 def explain_in(theatre: Theatre, options: IkOptions) -> Explanation:

@@ -69,9 +69,7 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     """The arm that the options name, None for a free-flying probe."""
     if options.arm == "none":
         return None
-    return arm_named(
-        options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg
-    )
+    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
 
 
 def run_episode(options: EpisodeOptions) -> dict[str, Any]:

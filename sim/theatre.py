@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,16 @@ class Theatre:
         """The scenario's sensing poses, made when first asked for."""
         return make_workspace(self.scenario, self.placed)
 
+    def with_arm(self, arm: ArmModel) -> Theatre:
+        """The same organ before another arm.
+
+        Raises:
+            WorldError: The arm cannot be used.
+        """
+        scene = _scene(self.scenario, self.placed, arm)
+        check_footing(scene, self.organ_distance)
+        return replace(self, scene=scene, clearance=Clearance(scene, self.organ_distance))
+
     def make_search(self, settings: IkSettings | None = None) -> IkSearch:
         """The inverse kinematics of this theatre's arm."""
         return IkSearch(self.scene, self.clearance, settings)
@@ -55,8 +65,7 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
         WorldError: A mesh or an arm that cannot be used.
     """
     placed, notices = placed_organ(scenario)
-    anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
-    scene = build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)
+    scene = _scene(scenario, placed, arm)
     organ_distance = DistanceGrid.from_solid(placed.organ, margin_m=ORGAN_MARGIN_M)
     check_footing(scene, organ_distance)
     return Theatre(
@@ -67,3 +76,8 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
         clearance=Clearance(scene, organ_distance),
         notices=notices,
     )
+
+
+def _scene(scenario: Scenario, placed: PlacedOrgan, arm: ArmModel) -> Scene:
+    anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
+    return build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)

@@ -14,13 +14,13 @@ import pytest
 
 from planner import Workspace
 from sim.arm_options import IkOptions, ReachOptions
+from sim.arms import arm_named
 from sim.cli import _parse, main
 from sim.explanation import explain_in
 from sim.pose_pool import chunk_answers
 from sim.reachability import study_reach, tilted
 from sim.regions import contact_regions
 from sim.scenarios import load_scenario
-from sim.arms import arm_named
 from sim.theatre import build_theatre
 from sim.world.clearance import FAR_M
 from sim.world.ik_search import Answers

@@ -138,6 +138,26 @@ def _exclude_neighbours(spec: mujoco.MjSpec, flange: str) -> None:
     base = next((body for body in spec.bodies if body.name.startswith("arm_")), None)
     if base is not None:
         spec.add_exclude(bodyname1="table", bodyname2=base.name)
+    for (
+        body
+    ) in spec.bodies:  # MuJoCo lets links off that share a joint, but not where the first of them is fixed
+        parent = body.parent
+        if (
+            body.name.startswith("arm_")
+            and body.joints
+            and parent.name.startswith("arm_")
+            and _is_fixed(parent)
+        ):
+            spec.add_exclude(bodyname1=parent.name, bodyname2=body.name)
+
+
+def _is_fixed(body: mujoco.MjsBody) -> bool:
+    """Whether no joint moves a body."""
+    while body.name != MOUNT:
+        if body.joints:
+            return False
+        body = body.parent
+    return True
 
 
 def _add_solid(

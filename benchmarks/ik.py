@@ -75,8 +75,7 @@ def study_effort(scenario: str) -> None:
 
 def found_at_random(search: IkSearch, position_m, normal) -> bool:
     starts = np.random.default_rng(7).uniform(*search.chain.search_range(), (60, search.chain.n_joints))
-    owner, is_tight = np.zeros(60, dtype=np.int64), np.ones(1, dtype=bool)
-    return bool(search._try(owner, starts, position_m[None], normal[None], is_tight).is_valid.any())
+    return search.is_reached_from(starts, position_m, normal)
 
 
 def made_poses(theatre: Theatre, count: int):

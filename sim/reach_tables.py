@@ -145,7 +145,9 @@ def write_parquet(path: Path, rows: list[Row]) -> None:
     """Write rows as Parquet, at once: a reader sees the whole file or none."""
     pyarrow, parquet = _parquet_modules()
     part = path.with_name(f".{path.name}.part")
-    parquet.write_table(pyarrow.Table.from_pylist([_plain(row) for row in rows]), part)
+    table = pyarrow.Table.from_pylist([_plain(row) for row in rows])
+    kinds = [field.with_type("double") if field.type == pyarrow.null() else field for field in table.schema]
+    parquet.write_table(table.cast(pyarrow.schema(kinds)), part)
     part.replace(path)
 
 

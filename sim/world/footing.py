@@ -34,10 +34,10 @@ class Footing:
         """What a base with this frame, shape (4, 4), would stand in, as a phrase; None where there is room."""
         points_m = self._points_m @ T_world_base[:3, :3].T + T_world_base[:3, 3]
         for centre_m, half_m in self._boxes:
-            is_inside = (np.abs(points_m - centre_m) < half_m - TABLE_TOLERANCE_M).all(axis=1)
-            if is_inside.any():
-                depth_m = float(centre_m[2] + half_m[2] - points_m[is_inside, 2].min())
-                return f"in the table, {depth_m * 1e3:.0f} mm below its top"
+            is_within = np.abs(points_m - centre_m) < half_m - TABLE_TOLERANCE_M
+            if is_within.all(axis=1).any():
+                lowest_m = float(points_m[is_within[:, :2].all(axis=1), 2].min())
+                return f"in the table, {(centre_m[2] + half_m[2] - lowest_m) * 1e3:.0f} mm below its top"
         gap_m = float(self._grid.distance_m(points_m).min())
         if gap_m < ARM_MARGIN_M:
             return f"in the organ, or less than {ARM_MARGIN_M * 1e3:.0f} mm from it ({gap_m * 1e3:+.0f} mm)"

@@ -25,14 +25,34 @@ HINDERED = "#C9C9C9"
 
 def draw_bases(path: Path, theatre: Theatre, found: BaseSearch, question: BaseQuestion) -> None:
     """Writes the map of a search for a base as a PNG: the grid's places as squares, those of the refinement as dots."""
-    grid = [candidate for candidate in found.candidates if candidate.stage == "grid"]
     figure, axes = new_figure(width_in=8.4, height_in=7.4, margins_in=(0.75, 1.1, 0.95, 0.8))
-    measure = "seen_fraction" if question.objective == "seen" else "reached_fraction"
-    values = np.array([getattr(candidate, measure) for candidate in found.asked])
-    scale = Normalize(0.0, max(float(values.max()), 1e-9))
+    is_seen = question.objective == "seen"
+    measure, what = (
+        ("seen_fraction", "Organ's inside seen") if is_seen else ("reached_fraction", "Poses reached")
+    )
+    scale = Normalize(0.0, max(*(getattr(candidate, measure) for candidate in found.asked), 1e-9))
+    grid = [candidate for candidate in found.candidates if candidate.stage == "grid"]
     _squares(axes, grid, measure, scale, found.spacing_m * 1e3)
+    _dots(axes, [candidate for candidate in found.asked if candidate.stage == "refined"], measure, scale)
     _table(axes, theatre)
-    refined = [candidate for candidate in found.asked if candidate.stage == "refined"]
+    _organ(axes, theatre)
+    _mark(axes, found.candidates[0], "present base", "X")
+    _mark(axes, found.best, "best base", "*")
+    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+    axes.autoscale_view()
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, frameon=False, fontsize=9)
+    best, present = (getattr(candidate, measure) for candidate in (found.best, found.candidates[0]))
+    title = (
+        f"{what}: {best:.1%} from the best base, {present:.1%} from the present\n{found.best.stand.options}"
+    )
+    axes.set_title(title, loc="left", fontsize=11, color=INK, pad=10)
+    bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=axes, fraction=0.035, pad=0.03)
+    bar.set_label(f"{what.lower()}, best over heights", color=INK, fontsize=9)
+    save(figure, path)
+
+
+def _dots(axes: Axes, refined: list[Candidate], measure: str, scale: Normalize) -> None:
+    """The bases of the refinement."""
     xy_mm = _xy_mm(refined)
     axes.scatter(
         xy_mm[:, 0],
@@ -45,42 +65,18 @@ def draw_bases(path: Path, theatre: Theatre, found: BaseSearch, question: BaseQu
         linewidths=0.6,
         zorder=4,
     )
+
+
+def _organ(axes: Axes, theatre: Theatre) -> None:
+    """The organ's bounding box."""
     low_mm, high_mm = theatre.placed.organ.bounds_m * 1e3
-    axes.add_patch(
-        Rectangle(
-            tuple(low_mm[:2]),
-            *(high_mm - low_mm)[:2],
-            fill=False,
-            edgecolor=VERMILION,
-            linewidth=1.6,
-            zorder=5,
-        )
+    (x_mm, y_mm), (width_mm, height_mm) = low_mm[:2], (high_mm - low_mm)[:2]
+    box = Rectangle(
+        (x_mm, y_mm), width_mm, height_mm, fill=False, edgecolor=VERMILION, linewidth=1.6, zorder=5
     )
-    axes.annotate(
-        "organ",
-        (low_mm[0], high_mm[1]),
-        xytext=(0, 4),
-        textcoords="offset points",
-        color=VERMILION,
-        fontsize=9,
-    )
-    _mark(axes, found.candidates[0], "present base", "X")
-    _mark(axes, found.best, "best base", "*")
-    axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
-    axes.autoscale_view()
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, frameon=False, fontsize=9)
-    what = "Organ's inside seen" if question.objective == "seen" else "Poses reached"
-    best, present = (getattr(candidate, measure) for candidate in (found.best, found.candidates[0]))
-    axes.set_title(
-        f"{what}: {best:.1%} from the best base, {present:.1%} from the present\n{found.best.stand.options}",
-        loc="left",
-        fontsize=11,
-        color=INK,
-        pad=10,
-    )
-    bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=axes, fraction=0.035, pad=0.03)
-    bar.set_label(f"{what.lower()}, best over heights", color=INK, fontsize=9)
-    save(figure, path)
+    axes.add_patch(box)
+    label = {"xytext": (0, 4), "textcoords": "offset points", "color": VERMILION, "fontsize": 9}
+    axes.annotate("organ", (x_mm, high_mm[1]), **label)
 
 
 def _squares(axes: Axes, grid: list[Candidate], measure: str, scale: Normalize, side_mm: float) -> None:

@@ -146,7 +146,10 @@ def write_parquet(path: Path, rows: list[Row]) -> None:
     pyarrow, parquet = _parquet_modules()
     part = path.with_name(f".{path.name}.part")
     table = pyarrow.Table.from_pylist([_plain(row) for row in rows])
-    kinds = [field.with_type(pyarrow.float64()) if field.type == pyarrow.null() else field for field in table.schema]
+    kinds = [
+        field.with_type(pyarrow.float64()) if field.type == pyarrow.null() else field
+        for field in table.schema
+    ]
     parquet.write_table(table.cast(pyarrow.schema(kinds)), part)
     part.replace(path)
 

@@ -139,16 +139,17 @@ def test_the_command_writes_its_table_and_says_what_to_type(tmp_path, capsys) ->
     (tmp_path / "coarse.toml").write_text(COARSE)
     out = tmp_path / "out"
     arguments = ["--scenario", str(tmp_path / "coarse.toml"), "--base-search", "10", "--base-poses", "20"]
-    assert main(["reach", *arguments, "--out", str(out)]) == 0
+    badly = ["--base-mm", "-250", "350", "0", "--base-yaw-deg", "90"]
+    assert main(["reach", *arguments, *badly, "--out", str(out)]) == 0
     text = capsys.readouterr().out
     summary = json.loads((out / "summary.json").read_text())
     with (out / "bases.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if not row["obstacle"]]
     assert len(rows) == summary["base_search"]["n_bases"] == 10
     assert rows[0]["stage"] == "present"
-    assert max(float(row["reached_fraction"]) for row in rows) == pytest.approx(
-        summary["base_search"]["best_reached_fraction_by_sample"]
-    )
+    ranked = sorted((float(row["reached_fraction"]) for row in rows), reverse=True)
+    assert summary["base_search"]["best_reached_fraction_by_sample"] >= ranked[2]  # of the best three
+    assert summary["base_search"]["best_reached_fraction"] > summary["reached_fraction"]
     assert (out / "bases.png").stat().st_size > 10_000
     options = summary["base_search"]["best_options"]
     assert options in text

@@ -65,7 +65,7 @@ class ReachOptions:
     overwrite: bool = False
     """Replace a run that the folder already holds."""
     parquet: bool = False
-    """Write reach.parquet beside reach.csv; needs `pip install pyarrow`."""
+    """Write reach.parquet beside reach.csv; needs the extra `parquet`."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""

@@ -24,8 +24,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
+from sim.arms import arm_named
 from sim.scenarios import SCENARIOS
-from sim.theatre import Theatre, arm_named, build_theatre
+from sim.theatre import Theatre, build_theatre
 from sim.world.descent import AXIS_WEIGHT_M
 from sim.world.ik_search import IkSearch
 from sim.world.ik_settings import IkSettings
@@ -45,7 +46,7 @@ def main() -> None:
             study_effort(scenario)
         if arguments.effort:
             return
-        theatre = build_theatre(SCENARIOS["liver"], arm_named("default", "flange"))
+        theatre = build_theatre(SCENARIOS["liver"], arm_named("default"))
         print("| poses | method | solved | free | ms a pose |\n|---|---|---|---|---|")
         run(theatre, "made by free configurations", *made_poses(theatre, arguments.poses))
         run(theatre, "liver", *liver_poses(theatre, arguments.poses))
@@ -53,7 +54,7 @@ def main() -> None:
 
 def study_effort(scenario: str) -> None:
     """Whether a study depends on its starts, and what a stronger search still finds."""
-    theatre = build_theatre(SCENARIOS[scenario], arm_named("default", "flange"))
+    theatre = build_theatre(SCENARIOS[scenario], arm_named("default"))
     positions_m, normals = theatre.workspace.positions_m, theatre.workspace.normals
     searches = [theatre.make_search(IkSettings(start_seed=seed)) for seed in (0, 1)]
     start_s, start_cpu_s = perf_counter(), process_time()
@@ -74,8 +75,7 @@ def study_effort(scenario: str) -> None:
 
 def found_at_random(search: IkSearch, position_m, normal) -> bool:
     starts = np.random.default_rng(7).uniform(*search.chain.search_range(), (60, search.chain.n_joints))
-    owner, is_tight = np.zeros(60, dtype=np.int64), np.ones(1, dtype=bool)
-    return bool(search._try(owner, starts, position_m[None], normal[None], is_tight).is_valid.any())
+    return search.is_reached_from(starts, position_m, normal)
 
 
 def made_poses(theatre: Theatre, count: int):

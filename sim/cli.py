@@ -88,18 +88,20 @@ def _episode(options: EpisodeOptions) -> int:
 
 
 def _reach(options: ReachOptions) -> int:
+    from .arm_comparison import run_comparison
     from .reach import run_reach
-    from .tables import reach_table
+    from .tables import comparison_table, reach_table
 
+    is_one = len(options.arm) == 1
     try:
-        summary = run_reach(options)
+        summary = run_reach(options) if is_one else run_comparison(options)
     except KeyboardInterrupt:
         print(
             "sounding: interrupted; a study writes its table at the end, so the folder is marked unfinished.",
             file=sys.stderr,
         )
         return EXIT_INTERRUPTED
-    print(reach_table(summary))
+    print(reach_table(summary) if is_one else comparison_table(summary))
     return 0
 
 

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from .arm_options import IkOptions
+from .arm_options import METRES_MM, IkOptions
+from .arms import arm_named
 from .scenarios import load_scenario
-from .theatre import Theatre, arm_named, build_theatre
+from .theatre import Theatre, build_theatre
+from .world.arm import ArmModel
 from .world.clearance import FAR_M
 from .world.gaps import Gaps
 from .world.ik_result import IkResult
 from .world.ik_search import IkSearch
 from .world.ik_settings import IkSettings
 
-METRES_MM = 3.0
-"""A position all of whose numbers are below this was likely given in metres."""
 ON_SURFACE_M = 1e-3
 """A position this close to the organ's surface is said to lie on it."""
 
@@ -39,8 +39,12 @@ def explain_pose(options: IkOptions) -> Explanation:
         UsageError, WorldError: Something asked for cannot be done.
     """
     with threadpool_limits(limits=1):
-        theatre = build_theatre(load_scenario(options.scenario), arm_named(options.arm, options.flange))
+        theatre = build_theatre(load_scenario(options.scenario), _arm(options))
         return explain_in(theatre, options)
+
+
+def _arm(options: IkOptions) -> ArmModel:
+    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
 
 
 def explain_in(theatre: Theatre, options: IkOptions) -> Explanation:

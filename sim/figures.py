@@ -106,6 +106,12 @@ def new_figure(
             (height_in - below - above) / height_in,
         )
     )
+    make_plain(axes)
+    return figure, axes
+
+
+def make_plain(axes: Axes) -> None:
+    """Gives axes the style of all figures."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
@@ -113,7 +119,6 @@ def new_figure(
     axes.tick_params(colors=INK, length=3, width=0.8, labelsize=9)
     axes.grid(color=GRID, linewidth=0.8)
     axes.set_axisbelow(True)
-    return figure, axes
 
 
 def save(figure: Figure, path: Path) -> None:

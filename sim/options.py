@@ -42,9 +42,14 @@ class EpisodeOptions:
     seed: int = 0
     """Seed of everything random. Planners given one seed face the same tumours."""
     arm: str = "default"
-    """default (the embedded 7-joint arm), none (a free-flying probe), or the path of any MJCF arm."""
-    flange: str = "flange"
-    """Site of the arm that carries the probe."""
+    """default (the embedded 7-joint arm), ur5e (with the extra `arms`), none (a free-flying probe), or the path of any
+    MJCF arm."""
+    flange: str | None = None
+    """Site of the arm that carries the probe; by default the first of flange and attachment_site that it has."""
+    base_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
+    base_yaw_deg: float = 0.0
+    """How the base is turned about the vertical [degrees]."""
     motion: MotionKind = "kinematic"
     """How the arm gets from pose to pose: kinematic (along a timed, collision-free path), servo (the same path sent to
     simulated servos, the probe pressing on a compliant organ), none (it jumps; cheapest, the time is estimated)."""

@@ -1,17 +1,36 @@
-"""The pose pool: processes that share the poses of a study."""
+"""The pool: processes that share the work of a study."""
 
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 from planner import Workspace
 
 from .world.ik_search import Answers, IkSearch
 
-_work: dict[str, IkSearch | Workspace] = {}
-"""What a worker process works on. It is inherited by forking, since a MuJoCo model is slow to send."""
+_work: dict[str, Callable[[Any], Any]] = {}
+"""What a worker process does. It is inherited by forking, since a MuJoCo model is slow to send."""
+
+
+@contextmanager
+def forked_map(
+    work: Callable[[Any], Any], *, n_jobs: int
+) -> Iterator[Callable[[Sequence[Any]], Iterator[Any]]]:
+    """A `map` of one function over processes, as a context manager; results come in order.
+
+    Args:
+        work: What is done with each item; the items and the results are sent, what it closes over is inherited.
+        n_jobs: Processes; one, or a system that cannot fork, works in this process.
+    """
+    if n_jobs <= 1 or "fork" not in multiprocessing.get_all_start_methods():
+        yield lambda items: map(work, items)
+        return
+    context = multiprocessing.get_context("fork")
+    with context.Pool(n_jobs, initializer=_begin, initargs=(work,)) as pool:
+        yield lambda items: pool.imap(_do, items)
 
 
 @contextmanager
@@ -24,24 +43,20 @@ def chunk_answers(
         search: Solves for the arm.
         workspace: The poses.
         chunks: Which of them belong together.
-        n_jobs: Processes; one, or a system that cannot fork, works in this process.
+        n_jobs: Processes that share the chunks.
     """
-    n_jobs = min(n_jobs, len(chunks))
-    if n_jobs <= 1 or "fork" not in multiprocessing.get_all_start_methods():
-        yield (search.search(workspace.positions_m[part], workspace.normals[part]) for part in chunks)
-        return
-    context = multiprocessing.get_context("fork")
-    with context.Pool(n_jobs, initializer=_begin, initargs=(search, workspace)) as pool:
-        yield pool.imap(_answer, chunks)
+
+    def answers(chunk: slice) -> Answers:
+        return search.search(workspace.positions_m[chunk], workspace.normals[chunk])
+
+    with forked_map(answers, n_jobs=min(n_jobs, len(chunks))) as share:
+        yield share(chunks)
 
 
-def _begin(search: IkSearch, workspace: Workspace) -> None:
-    """Keep in a worker what all its chunks need."""
-    _work["search"], _work["workspace"] = search, workspace
+def _begin(work: Callable[[Any], Any]) -> None:
+    """Keep in a worker what it does."""
+    _work["do"] = work
 
 
-def _answer(chunk: slice) -> Answers:
-    search, workspace = _work["search"], _work["workspace"]
-    assert isinstance(search, IkSearch)
-    assert isinstance(workspace, Workspace)
-    return search.search(workspace.positions_m[chunk], workspace.normals[chunk])
+def _do(item: Any) -> Any:
+    return _work["do"](item)

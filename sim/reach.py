@@ -10,103 +10,162 @@ from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
+from tqdm import tqdm
 
 from .arm_options import ReachOptions
-from .errors import UsageError
+from .arms import arm_named
+from .base_figures import draw_bases
+from .base_search import BaseQuestion, BaseSearch, search_base
 from .reach_figures import draw_reach, draw_reasons
-from .reachability import ReachStudy, study_reach
+from .reach_tables import base_rows, base_summary, check_parquet, study_rows, study_summary, write_parquet
+from .reachability import ReachStudy, reached_fraction, study_reach
 from .recording import RunFolder, check_out_folder
-from .theatre import Theatre, arm_named, build_theatre
-from .world.chain import Chain
+from .theatre import Theatre, build_theatre
+from .world.arm import ArmModel
+from .world.ik_result import IkStatus
+from .world.ik_search import IkSearch
 from .world.ik_settings import IkSettings
+
+N_FINALISTS = 3
+"""The best bases of a search that are asked for the whole workspace."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ArmStudy:
+    """What was found of one arm, for those who compare."""
+
+    name: str
+    theatre: Theatre
+    study: ReachStudy
+    summary: dict[str, Any]
 
 
 def run_reach(options: ReachOptions) -> dict[str, Any]:
-    """Run a study and write its folder; returns the summary.
+    """Run a study of an arm and write its folder; returns the summary.
 
     Raises:
         UsageError, WorldError: Something asked for cannot be done; nothing was written then.
     """
-    start_s = perf_counter()
-    scenario, arm = options.make_scenario(), arm_named(options.arm, options.flange)
+    scenario = options.make_scenario()
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
     if options.parquet:
-        _parquet_writer()
+        check_parquet()
+    arm = arm_of(options, 0)
     with threadpool_limits(limits=1):  # two BLAS pools on two threads fight
-        theatre = build_theatre(scenario, arm)
-        search = theatre.make_search(IkSettings(max_restarts=options.restarts, start_seed=options.seed))
-        with RunFolder(out, overwrite=options.overwrite) as folder:
-            folder.begin(_config(options, theatre), {"seed": options.seed})
-            for notice in theatre.notices:
-                print(f"note: {notice}", file=sys.stderr)
-            study = study_reach(
-                search,
-                theatre.workspace,
-                max_tilt_rad=np.deg2rad(options.tilt_deg),
-                n_jobs=options.jobs,
-                show_progress=True,
-            )
-            if not study.is_reached.any():
-                print(f"note: {_far_organ(theatre)}", file=sys.stderr)
-            rows = study_rows(study, theatre, search.chain)
-            for row in rows:
-                folder.append_row("reach.csv", row)
-            if options.parquet:
-                _write_parquet(out / "reach.parquet", rows)
-            draw_reach(out / "reach.png", theatre.placed.organ, theatre.workspace, study)
-            draw_reasons(out / "reasons.png", study)
-            summary = _summary(options, scenario.name, study)
-            summary |= {"folder": str(out), "status": "finished", "wall_s": perf_counter() - start_s}
-            folder.write_json("summary.json", summary)
-            folder.finish("finished")
-    return summary
+        return study_arm(build_theatre(scenario, arm), options, options.arm[0], out).summary
 
 
-def study_rows(study: ReachStudy, theatre: Theatre, chain: Chain) -> list[dict[str, Any]]:
-    """The table of a study: one row per pose, empty cells where there is no value."""
-    workspace, rows = theatre.workspace, []
-    joints = [
-        f"{name}_{'m' if is_slide else 'rad'}"
-        for name, is_slide in zip(chain.names, chain.is_slide, strict=True)
-    ]
-    for pose, result in enumerate(study.results):
-        q = result.q[chain.columns] if result.is_reached else np.full(chain.n_joints, np.nan)
-        row = {
-            "pose_index": pose,
-            **{f"position_{axis}_m": workspace.positions_m[pose, i] for i, axis in enumerate("xyz")},
-            **{f"normal_{axis}": workspace.normals[pose, i] for i, axis in enumerate("xyz")},
-            "is_reached": result.is_reached,
-            "reason": result.status.name.lower(),
-            "detail": result.detail,
-            "position_error_m": result.position_error_m,
-            "angle_error_rad": result.angle_error_rad,
-            "manipulability": study.manipulability[pose],
-            "joint_limit_distance_rad": study.limit_room[pose],
-            "clearance_m": study.clearance_m[pose],
-            "score": study.score[pose],
-            "n_solutions": int(study.n_solutions[pose]),
-            "region": int(study.region[pose]) if result.is_reached else None,
-            "tilt_rad": study.tilt_rad[pose],
-            "n_restarts": result.n_restarts,
-            **dict(zip(joints, q, strict=True)),
-        }
-        rows.append({key: None if _is_nan(value) else value for key, value in row.items()})
-    return rows
-
-
-def _far_organ(theatre: Theatre) -> str:
-    """Where the organ lies and how large it is, for a study that reaches nothing."""
-    low_m, high_m = theatre.placed.organ.bounds_m
-    away_m, size_m = float(np.linalg.norm((low_m + high_m) / 2.0)), float((high_m - low_m).max())
-    return (
-        f"no pose is reached. The organ's middle is {away_m:.2f} m from the world's origin, where the arm's base is, "
-        f"and the organ is {size_m * 1e3:.0f} mm long; is its place in metres and its --unit right?"
+def arm_of(options: ReachOptions, index: int) -> ArmModel:
+    """One of the arms that the options name."""
+    return arm_named(
+        options.arm[index],
+        options.flange_of(index),
+        base_mm=options.base_mm,
+        base_yaw_deg=options.base_yaw_deg,
     )
 
 
-def _is_nan(value: Any) -> bool:
-    return isinstance(value, float | np.floating) and bool(np.isnan(value))
+def study_arm(theatre: Theatre, options: ReachOptions, name: str, out: Path) -> ArmStudy:
+    """Study the arm of a theatre and write the folder of it."""
+    start_s = perf_counter()
+    search = theatre.make_search(IkSettings(max_restarts=options.restarts, start_seed=options.seed))
+    with RunFolder(out, overwrite=options.overwrite) as folder:
+        folder.begin(_config(options, theatre), {"seed": options.seed})
+        for notice in theatre.notices:
+            print(f"note: {notice}", file=sys.stderr)
+        study = study_reach(
+            search,
+            theatre.workspace,
+            max_tilt_rad=np.deg2rad(options.tilt_deg),
+            n_jobs=options.jobs,
+            show_progress=True,
+        )
+        if not study.is_reached.any():
+            print(f"note: no pose is reached. {_why_nothing(theatre, study)}", file=sys.stderr)
+        rows = study_rows(study, theatre, search.chain)
+        for row in rows:
+            folder.append_row("reach.csv", row)
+        if options.parquet:
+            write_parquet(out / "reach.parquet", rows)
+        draw_reach(out / "reach.png", theatre.placed.organ, theatre.workspace, study)
+        draw_reasons(out / "reasons.png", study)
+        summary = {
+            "scenario": theatre.scenario.name,
+            "arm": name,
+            "seed": options.seed,
+            "jobs": options.jobs,
+            "n_joints": search.chain.n_joints,
+            "base_mm": list(options.base_mm),
+            "base_yaw_deg": options.base_yaw_deg,
+            **study_summary(study),
+        }
+        if options.base_search:
+            summary["base_search"] = _search_base(
+                theatre, search, options, folder, float(study.is_reached.mean())
+            )
+        summary |= {"folder": str(out), "status": "finished", "wall_s": perf_counter() - start_s}
+        folder.write_json("summary.json", summary)
+        folder.finish("finished")
+    return ArmStudy(name, theatre, study, summary)
+
+
+def _search_base(
+    theatre: Theatre, search: IkSearch, options: ReachOptions, folder: RunFolder, present_fraction: float
+) -> dict[str, Any]:
+    """Search the best place of the base, write its table and map, and ask that place for the whole workspace."""
+    low_mm, high_mm = options.base_height_mm
+    question = BaseQuestion(
+        n_bases=options.base_search,
+        n_poses=options.base_poses,
+        height_m=(low_mm * 1e-3, high_mm * 1e-3),
+        objective=options.base_objective,
+        seed=options.seed,
+        n_jobs=options.jobs,
+    )
+    with tqdm(total=options.base_search, desc="bases", unit="base") as progress:
+        found: BaseSearch = search_base(theatre, search, question, on_progress=progress.update)
+    found, best_reached_fraction = _decided(found, question, theatre, search, present_fraction)
+    for row in base_rows(found):
+        folder.append_row("bases.csv", row)
+    draw_bases(folder.path / "bases.png", theatre, found, question)
+    return {"objective": options.base_objective} | base_summary(
+        found, best_reached_fraction=best_reached_fraction
+    )
+
+
+def _decided(
+    found: BaseSearch, question: BaseQuestion, theatre: Theatre, search: IkSearch, present_fraction: float
+) -> tuple[BaseSearch, float]:
+    """The search with its best base decided by the whole workspace, and the share that is reached from there.
+
+    What a sample of the poses cannot tell apart is asked again with a study's effort: the best few. The present base
+    counts as the study found it. Where the objective is what is seen, the sample's best stands.
+    """
+    present = found.candidates[0]
+    n_asked = N_FINALISTS if question.objective == "poses" else 1
+    finalists = sorted(found.asked, key=question.merit, reverse=True)[:n_asked]
+    shares = {present: present_fraction} if question.objective == "poses" or present in finalists else {}
+    for candidate in finalists:
+        if candidate is not present:
+            at_base = search.at_base(candidate.stand.T_world_base).with_new_starts()
+            shares[candidate] = reached_fraction(at_base, theatre.workspace, n_jobs=question.n_jobs)
+    best = max(shares, key=lambda candidate: shares[candidate])
+    return dataclasses.replace(found, best=best), shares[best]
+
+
+def _why_nothing(theatre: Theatre, study: ReachStudy) -> str:
+    """Of a study that reaches nothing: where the organ lies and how large it is, or what stands in the way."""
+    if next(iter(study.reasons())) != IkStatus.TOO_FAR.name.lower():
+        details = [result.detail for result in study.results]
+        return f"For example: {max(details, key=details.count)}"
+    low_m, high_m = theatre.placed.organ.bounds_m
+    away_m = float(np.linalg.norm((low_m + high_m) / 2.0 - theatre.scene.T_world_base[:3, 3]))
+    size_m = float((high_m - low_m).max())
+    return (
+        f"The organ's middle is {away_m:.2f} m from the arm's base, and the organ is {size_m * 1e3:.0f} mm long; "
+        "is its place in metres and its --unit right?"
+    )
 
 
 def _config(options: ReachOptions, theatre: Theatre) -> dict[str, Any]:
@@ -114,58 +173,6 @@ def _config(options: ReachOptions, theatre: Theatre) -> dict[str, Any]:
         "options": dataclasses.asdict(options),
         "scenario": dataclasses.asdict(theatre.scenario),
         "T_world_organ": theatre.placed.T_world_organ,
+        "T_world_base": theatre.scene.T_world_base,
         "n_poses": theatre.workspace.n_poses,
     }
-
-
-def _summary(options: ReachOptions, scenario: str, study: ReachStudy) -> dict[str, Any]:
-    n_poses, reached = len(study.results), study.is_reached
-    sizes = np.bincount(study.region[reached]) if reached.any() else np.zeros(0, dtype=np.int64)
-    with_tilt = {}
-    for tilt_rad in sorted({float(tilt) for tilt in study.tilt_rad if not np.isnan(tilt)} - {0.0}):
-        with_tilt[f"{np.rad2deg(tilt_rad):g}"] = float(np.mean(study.tilt_rad <= tilt_rad))
-    return {
-        "scenario": scenario,
-        "arm": options.arm,
-        "seed": options.seed,
-        "jobs": options.jobs,
-        "n_poses": n_poses,
-        "n_reached": int(reached.sum()),
-        "reached_fraction": float(reached.mean()),
-        "reached_fraction_by_tilt_deg": with_tilt,
-        "reasons": study.reasons(),
-        "n_regions": len(sizes),
-        "largest_region_fraction": float(sizes.max(initial=0) / n_poses),
-        **{
-            f"{name}_{label}": float(np.percentile(values[reached], share)) if reached.any() else None
-            for name, values in (
-                ("score", study.score),
-                ("clearance_m", study.clearance_m),
-                ("joint_limit_distance_rad", study.limit_room),
-                ("manipulability", study.manipulability),
-            )
-            for label, share in (("p10", 10), ("median", 50))
-        },
-        "poses_per_s": n_poses / study.search_s,
-        "search_s": study.search_s,
-    }
-
-
-def _parquet_writer() -> Any:
-    """The module that writes Parquet.
-
-    Raises:
-        UsageError: It is not installed.
-    """
-    try:
-        import pyarrow.parquet as parquet  # pyright: ignore[reportMissingImports]  # an extra
-    except ImportError as error:
-        raise UsageError("--parquet needs pyarrow: pip install pyarrow.") from error
-    return parquet
-
-
-def _write_parquet(path: Path, rows: list[dict[str, Any]]) -> None:
-    parquet = _parquet_writer()
-    import pyarrow  # pyright: ignore[reportMissingImports]  # an extra
-
-    parquet.write_table(pyarrow.Table.from_pylist(rows), path)

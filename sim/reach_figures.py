@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgba
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from planner import Workspace
 
-from .figures import BLUE, INK, MUTED, VERMILION, new_figure, save
+from .figures import BLUE, INK, MUTED, VERMILION, make_plain, new_figure, save
 from .reachability import ReachStudy
+from .theatre import Theatre
 from .world.solid import Solid
 
 COLOURS = LinearSegmentedColormap.from_list("comfort", ["#F2E8C9", "#8CC6B0", "#2F8FA6", "#123F6B"])
@@ -36,13 +40,69 @@ def draw_reach(path: Path, organ: Solid, workspace: Workspace, study: ReachStudy
         workspace: The poses of the study.
         study: What the arm can do there.
     """
-    low_m, high_m = organ.bounds_m
-    width_m, height_m = (high_m - low_m)[:2]
     width_in = 6.4
-    height_in = float(np.clip(width_in * height_m / width_m, 2.0, 8.0))
+    height_in = _height_in(organ, width_in)
     figure, axes = new_figure(
         width_in=width_in + 1.8, height_in=height_in + 1.5, margins_in=(0.72, 1.08, 0.95, 0.55)
     )
+    marks = _draw_organ(axes, organ, workspace, study)
+    title = f"{study.is_reached.mean():.1%} of {len(study.is_reached)} poses reached"
+    axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
+    if not study.is_reached.all():
+        axes.legend(
+            [marks],
+            ["not reached"],
+            loc="upper right",
+            bbox_to_anchor=(1.02, 1.09),
+            frameon=False,
+            fontsize=9,
+        )
+    _score_bar(figure, axes)
+    save(figure, path)
+
+
+def draw_arms(path: Path, studies: Sequence[tuple[str, Theatre, ReachStudy]]) -> None:
+    """Writes the organ from above once for each arm, with its name and what it reaches, as a PNG."""
+    n, panel_in = len(studies), 4.2
+    height_in = _height_in(studies[0][1].placed.organ, panel_in)
+    width_in = n * (panel_in + 0.55) + 1.3
+    figure, first = new_figure(
+        width_in=width_in,
+        height_in=height_in + 1.35,
+        margins_in=(0.72, width_in - 0.72 - panel_in, 0.72, 0.63),
+    )
+    place = first.get_position()
+    for index, (name, theatre, study) in enumerate(studies):
+        axes = first if index == 0 else figure.add_axes(place.bounds, sharey=first)
+        make_plain(axes)
+        axes.set_position(place.translated(index * (panel_in + 0.55) / width_in, 0.0))
+        _draw_organ(axes, theatre.placed.organ, theatre.workspace, study)
+        axes.set_title(
+            f"{name}: {study.is_reached.mean():.1%} reached", loc="left", fontsize=12, color=INK, pad=8
+        )
+        axes.grid(visible=False)
+        if index:
+            axes.set_ylabel("")
+    bar_axes = figure.add_axes((1.0 - 0.95 / width_in, place.y0, 0.16 / width_in, place.height))
+    bar = figure.colorbar(ScalarMappable(Normalize(0, 1), COLOURS), cax=bar_axes)
+    bar.set_label("score; dots are not reached", color=INK, fontsize=9)
+    save(figure, path)
+
+
+def _height_in(organ: Solid, width_in: float) -> float:
+    low_m, high_m = organ.bounds_m
+    width_m, height_m = (high_m - low_m)[:2]
+    return float(np.clip(width_in * height_m / width_m, 2.0, 8.0))
+
+
+def _score_bar(figure: Figure, axes: Axes) -> None:
+    bar = figure.colorbar(ScalarMappable(Normalize(0, 1), COLOURS), ax=axes, fraction=0.035, pad=0.03)
+    bar.set_label("score: room to joint limits and obstacles", color=INK, fontsize=9)
+
+
+def _draw_organ(axes: Axes, organ: Solid, workspace: Workspace, study: ReachStudy) -> PathCollection:
+    """The organ from above coloured by score, and a dot for each pose that is not reached, which are returned."""
+    low_m, high_m = organ.bounds_m
     triangles_mm, colours = _upper_faces(organ, workspace, study)
     axes.add_collection(
         PolyCollection(list(triangles_mm), facecolors=colours, edgecolors=colours, linewidths=0.3)
@@ -52,20 +112,7 @@ def draw_reach(path: Path, organ: Solid, workspace: Workspace, study: ReachStudy
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     axes.set_xlim(low_m[0] * 1e3 - 5, high_m[0] * 1e3 + 5)
     axes.set_ylim(low_m[1] * 1e3 - 5, high_m[1] * 1e3 + 5)
-    title = f"{study.is_reached.mean():.1%} of {len(study.is_reached)} poses reached"
-    axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
-    if len(missed_mm):
-        axes.legend(
-            [marks],
-            ["not reached"],
-            loc="upper right",
-            bbox_to_anchor=(1.02, 1.09),
-            frameon=False,
-            fontsize=9,
-        )
-    bar = figure.colorbar(ScalarMappable(Normalize(0, 1), COLOURS), ax=axes, fraction=0.035, pad=0.03)
-    bar.set_label("score: room to joint limits and obstacles", color=INK, fontsize=9)
-    save(figure, path)
+    return marks
 
 
 def _upper_faces(

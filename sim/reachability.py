@@ -98,6 +98,11 @@ def study_reach(
     )
 
 
+def reached_fraction(search: IkSearch, workspace: Workspace, *, n_jobs: int = 1) -> float:
+    """The share of a workspace's poses that an arm reaches, and nothing else about them."""
+    return float(_search_all(search, workspace, n_jobs, show_progress=False).is_reached.mean())
+
+
 def _search_all(search: IkSearch, workspace: Workspace, n_jobs: int, show_progress: bool) -> Answers:
     """Every pose by chunks, which are the same for any number of processes, and so are the answers."""
     chunks = [slice(first, first + CHUNK) for first in range(0, workspace.n_poses, CHUNK)]

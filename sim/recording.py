@@ -35,6 +35,9 @@ WRITTEN = (
     "anatomy.npz",
     "reach.csv",
     "reach.parquet",
+    "bases.csv",
+    "arms.csv",
+    "arms.md",
 )
 """Files of a run besides the manifest, figures and frames."""
 
@@ -107,6 +110,10 @@ class RunFolder:
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Replace a JSON file at once: a reader sees the old or the new one, never half of it."""
         text = json.dumps(content, indent=2, default=_plain, allow_nan=False) + "\n"
+        self._replace(name, text.encode())
+
+    def write_text(self, name: str, text: str) -> None:
+        """Replace a text file at once."""
         self._replace(name, text.encode())
 
     def write_arrays(self, name: str, *, compressed: bool, **arrays: NDArray[Any]) -> None:

@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from mapping import MapMetrics
 
+from .arms import arm_named
 from .episode import Episode, Step
 from .frames import FrameWriter
 from .interrupt import NotedInterrupt
@@ -24,7 +25,6 @@ from .options import EpisodeOptions
 from .recording import RunFolder, check_out_folder
 from .run_figures import draw_run_figures
 from .stage import Stage, build_stage
-from .theatre import arm_named
 from .trajectories import write_anatomy, write_motion
 from .world.arm import ArmModel
 from .world.rendering import SceneRenderer
@@ -69,7 +69,7 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     """The arm that the options name, None for a free-flying probe."""
     if options.arm == "none":
         return None
-    return arm_named(options.arm, options.flange)
+    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
 
 
 def run_episode(options: EpisodeOptions) -> dict[str, Any]:

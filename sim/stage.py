@@ -16,6 +16,7 @@ from .scenarios import LIVER, PAPER_ORGAN, Scenario
 from .world.anatomy import build_anatomy
 from .world.arm import MODELS_DIR, ArmModel
 from .world.distance_grid import DistanceGrid
+from .world.footing import check_footing
 from .world.meshes import load_mesh
 from .world.paper_organ import paper_organ
 from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
@@ -81,6 +82,8 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     scene = build_scene(empty, cone, arm=arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
     organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
+    if arm is not None:
+        check_footing(scene, organ_distance)
     carrier = FreeCarrier(scene, workspace) if arm is None else ArmCarrier(scene, workspace, organ_distance)
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())

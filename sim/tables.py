@@ -53,8 +53,34 @@ def reach_table(summary: Mapping[str, Any]) -> str:
         f"reached with a tilt of up to {tilt} degrees: {share:.2%}"
         for tilt, share in summary["reached_fraction_by_tilt_deg"].items()
     ]
-    lines = [*_lines(REACH_ROWS, summary), *reasons, *tilts]
+    lines = [*_lines(REACH_ROWS, summary), *reasons, *tilts, *_base_lines(summary)]
     return "\n".join([head, "-" * len(head), *lines, f"written to {summary['folder']}"])
+
+
+def comparison_table(summary: Mapping[str, Any]) -> str:
+    """The arms of a comparison as a table, ending with the folder that holds their studies."""
+    return f"{summary['scenario']}\n\n{summary['table']}\nwritten to {summary['folder']}"
+
+
+def _base_lines(summary: Mapping[str, Any]) -> list[str]:
+    """What a search for a base found."""
+    found = summary.get("base_search")
+    if found is None:
+        return []
+    head = f"best of {found['n_bases']} bases, asked for {found['n_poses']} poses each"
+    head += f" ({found['n_blocked']} more had no room)" if found["n_blocked"] else ""
+    best, present = found["best_reached_fraction"], summary["reached_fraction"]
+    lines = [
+        "",
+        f"{head}:",
+        f"  reached from there  {best:.2%} of all poses, from the present base {present:.2%}",
+    ]
+    if found["objective"] == "seen":
+        shares = (found[f"{name}_seen_fraction_by_sample"] for name in ("best", "present"))
+        lines.append("  organ's inside seen {:.1%}, from the present base {:.1%}".format(*shares))
+    if found["best_stage"] == "present":
+        return [*lines, "  no candidate is better than the present base"]
+    return [*lines, f"  to put the base there: {found['best_options']}"]
 
 
 def _lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> list[str]:

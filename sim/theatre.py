@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from planner import Cone, Workspace
 
-from .errors import UsageError
 from .scenarios import Scenario
 from .stage import make_workspace, placed_organ
 from .world.anatomy import build_anatomy
 from .world.arm import ArmModel
 from .world.clearance import Clearance
 from .world.distance_grid import DistanceGrid
+from .world.footing import check_footing
 from .world.ik_search import IkSearch
 from .world.ik_settings import IkSettings
 from .world.placement import PlacedOrgan
@@ -44,6 +43,16 @@ class Theatre:
         """The scenario's sensing poses, made when first asked for."""
         return make_workspace(self.scenario, self.placed)
 
+    def with_arm(self, arm: ArmModel) -> Theatre:
+        """The same organ before another arm.
+
+        Raises:
+            WorldError: The arm cannot be used.
+        """
+        scene = _scene(self.scenario, self.placed, arm)
+        check_footing(scene, self.organ_distance)
+        return replace(self, scene=scene, clearance=Clearance(scene, self.organ_distance))
+
     def make_search(self, settings: IkSettings | None = None) -> IkSearch:
         """The inverse kinematics of this theatre's arm."""
         return IkSearch(self.scene, self.clearance, settings)
@@ -56,9 +65,9 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
         WorldError: A mesh or an arm that cannot be used.
     """
     placed, notices = placed_organ(scenario)
-    anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
-    scene = build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)
+    scene = _scene(scenario, placed, arm)
     organ_distance = DistanceGrid.from_solid(placed.organ, margin_m=ORGAN_MARGIN_M)
+    check_footing(scene, organ_distance)
     return Theatre(
         scenario=scenario,
         placed=placed,
@@ -69,12 +78,6 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
     )
 
 
-def arm_named(arm: str, flange: str) -> ArmModel:
-    """The arm that a command line names: `default` or the path of an MJCF file.
-
-    Raises:
-        UsageError: `none`, which no question about an arm can be asked of.
-    """
-    if arm == "none":
-        raise UsageError("--arm none: a free-flying probe reaches every pose. Name an arm, or `default`.")
-    return ArmModel(flange=flange) if arm == "default" else ArmModel(path=Path(arm), flange=flange)
+def _scene(scenario: Scenario, placed: PlacedOrgan, arm: ArmModel) -> Scene:
+    anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
+    return build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)

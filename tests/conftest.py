@@ -15,6 +15,10 @@ from sim.scenarios import SCENARIOS
 from sim.stage import Stage, build_stage
 from sim.world.anatomy import Anatomy, build_anatomy
 from sim.world.arm import ArmModel
+from sim.world.clearance import Clearance
+from sim.world.distance_grid import DistanceGrid
+from sim.world.ik_search import IkSearch
+from sim.world.scene import Scene, build_scene
 from sim.world.solid import Solid
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -62,3 +66,24 @@ def sphere_stage() -> Stage:
 def sphere_arm_stage() -> Stage:
     """The paper's scenario 1 with the embedded arm."""
     return build_stage(SCENARIOS["sphere"], ArmModel(), MapSettings())
+
+
+@pytest.fixture(scope="session")
+def scene(ball_anatomy, cone) -> Scene:
+    """The embedded arm before the ball."""
+    return build_scene(ball_anatomy, cone, arm=ArmModel())
+
+
+@pytest.fixture(scope="session")
+def ball_distance(ball_anatomy) -> DistanceGrid:
+    return DistanceGrid.from_solid(ball_anatomy.organ)
+
+
+@pytest.fixture(scope="session")
+def clearance(scene, ball_distance) -> Clearance:
+    return Clearance(scene, ball_distance)
+
+
+@pytest.fixture(scope="session")
+def search(scene, clearance) -> IkSearch:
+    return IkSearch(scene, clearance)

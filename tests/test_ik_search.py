@@ -34,21 +34,6 @@ GANTRY = """<mujoco><worldbody><body pos="0 0 1"><joint name="rail" type="slide"
 <site name="flange" quat="0 1 0 0"/></body></body></body></worldbody></mujoco>"""
 
 
-@pytest.fixture(scope="module")
-def scene(ball_anatomy, cone):
-    return build_scene(ball_anatomy, cone, arm=ArmModel())
-
-
-@pytest.fixture(scope="module")
-def clearance(scene, ball_anatomy):
-    return Clearance(scene, DistanceGrid.from_solid(ball_anatomy.organ))
-
-
-@pytest.fixture(scope="module")
-def search(scene, clearance):
-    return IkSearch(scene, clearance)
-
-
 def free_configurations(search: IkSearch, clearance: Clearance, scene, count: int, seed: int) -> np.ndarray:
     """Random configurations of the whole scene that touch nothing, as `Clearance` alone decides."""
     rng, found, data = np.random.default_rng(seed), [], scene.new_data()

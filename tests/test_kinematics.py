@@ -9,7 +9,7 @@ import pytest
 from planner import Workspace
 from sim.carrier import ArmCarrier
 from sim.world.arm import ArmModel
-from sim.world.clearance import FACE_RADIUS_M, Clearance
+from sim.world.clearance import FACE_RADIUS_M
 from sim.world.distance_grid import DistanceGrid
 from sim.world.ik_result import IkStatus
 from sim.world.ik_settings import IkSettings
@@ -18,16 +18,6 @@ from sim.world.scene import build_scene
 from sim.world.solid import Solid
 
 BALL_CENTRE_M, BALL_RADIUS_M = np.array([0.5, 0.0, 0.06]), 0.06
-
-
-@pytest.fixture(scope="module")
-def scene(ball_anatomy, cone):
-    return build_scene(ball_anatomy, cone, arm=ArmModel())
-
-
-@pytest.fixture(scope="module")
-def clearance(scene, ball_anatomy):
-    return Clearance(scene, DistanceGrid.from_solid(ball_anatomy.organ))
 
 
 @pytest.fixture(scope="module")

@@ -14,13 +14,14 @@ import pytest
 
 from planner import Workspace
 from sim.arm_options import IkOptions, ReachOptions
+from sim.arms import arm_named
 from sim.cli import _parse, main
 from sim.explanation import explain_in
 from sim.pose_pool import chunk_answers
 from sim.reachability import study_reach, tilted
 from sim.regions import contact_regions
 from sim.scenarios import load_scenario
-from sim.theatre import arm_named, build_theatre
+from sim.theatre import build_theatre
 from sim.world.clearance import FAR_M
 from sim.world.ik_search import Answers
 
@@ -40,7 +41,7 @@ COARSE = 'base = "liver"\nn_poses = 60\n'
 def theatre(tmp_path_factory):
     path = tmp_path_factory.mktemp("case") / "coarse.toml"
     path.write_text(COARSE)
-    return build_theatre(load_scenario(str(path)), arm_named("default", "flange"))
+    return build_theatre(load_scenario(str(path)), arm_named("default"))
 
 
 @pytest.fixture(scope="module")
@@ -224,7 +225,7 @@ def test_any_arm_is_studied_and_its_limits_hold(tmp_path, theatre) -> None:
     """A gantry of slides and two hinges that reaches one half of the organ: the answer is known from its rails."""
     path = tmp_path / "gantry.xml"
     path.write_text(GANTRY)
-    gantry = build_theatre(theatre.scenario, arm_named(str(path), "flange"))
+    gantry = build_theatre(theatre.scenario, arm_named(str(path)))
     study = study_reach(gantry.make_search(), gantry.workspace)
     flange_y_m = gantry.workspace.positions_m[:, 1] - 0.16 * gantry.workspace.normals[:, 1]
     assert not study.is_reached[flange_y_m < -0.02 - 1e-3].any()

@@ -66,7 +66,8 @@ def test_any_arm_is_kept_out_of_the_groups_that_rays_ask_for(ball_anatomy, cone,
 
 def test_the_base_stands_where_it_is_put(ball_anatomy, cone) -> None:
     T_world_base = np.array([[0.0, -1, 0, 0.2], [1, 0, 0, -0.3], [0, 0, 1, 0.1], [0, 0, 0, 1]])
-    scene = build_scene(ball_anatomy, cone, arm=ArmModel(), T_world_base=T_world_base)
+    arm = ArmModel(base_m=(0.2, -0.3, 0.1), base_yaw_rad=np.pi / 2)
+    scene = build_scene(ball_anatomy, cone, arm=arm)
     origin = build_scene(ball_anatomy, cone, arm=ArmModel())
     tip_m = origin.new_data().site("probe_tip").xpos
     moved_m = scene.new_data().site("probe_tip").xpos

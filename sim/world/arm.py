@@ -16,6 +16,8 @@ MODELS_DIR = Path(__file__).resolve().parents[2] / "models"
 
 HOME_KEYFRAMES = ("home", "ready", "stow")
 """Names under which robot models keep their rest configuration; the first one found is used."""
+FLANGE_SITES = ("flange", "attachment_site")
+"""Names under which robot models keep the site that carries a tool; the first one found is used."""
 
 
 class ArmError(WorldError):
@@ -24,12 +26,22 @@ class ArmError(WorldError):
 
 @dataclass(frozen=True, kw_only=True)
 class ArmModel:
-    """An arm: the file it comes from and the site that carries the probe."""
+    """An arm: the file it comes from, the site that carries the probe, and where it stands."""
 
     path: Path = MODELS_DIR / "arm.xml"
     """MJCF file of the arm."""
-    flange: str = "flange"
-    """Site at the end of the chain; the probe is attached there, its +z along the site's +z."""
+    flange: str | None = None
+    """Site at the end of the chain; the probe is attached there, its +z along the site's +z. By default the first of
+    `FLANGE_SITES` that the arm has."""
+    base_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the file's origin stands in the world [m]."""
+    base_yaw_rad: float = 0.0
+    """How the file is turned about the world's vertical [rad]."""
+
+    @property
+    def T_world_base(self) -> NDArray[np.float64]:
+        """Maps the file's coordinates to the world, shape (4, 4)."""
+        return base_frame(self.base_m, self.base_yaw_rad)
 
     def load(self) -> tuple[mujoco.MjSpec, NDArray[np.float64]]:
         """The arm's spec and its home configuration.
@@ -52,10 +64,27 @@ class ArmModel:
         except ValueError as error:
             raise ArmError(f"{self.path}: MuJoCo cannot compile this arm: {_first_line(error)}") from error
         self._check(model)
+        self.flange_of(spec)
         home_q = _home_configuration(model)
         for key in list(spec.keys):
             spec.delete(key)
         return spec, home_q
+
+    def flange_of(self, spec: mujoco.MjSpec) -> str:
+        """The name of the flange's site in the arm's spec.
+
+        Raises:
+            ArmError: There is no such site.
+        """
+        sites = [site.name for site in spec.sites if site.name]
+        wanted = FLANGE_SITES if self.flange is None else (self.flange,)
+        for name in wanted:
+            if name in sites:
+                return name
+        raise ArmError(
+            f"{self.path}: no site named {' or '.join(map(repr, wanted))} to carry the probe "
+            f"(sites: {', '.join(sites) or 'none'}). Name one with --flange, or add a <site> to the last link."
+        )
 
     def _check(self, model: mujoco.MjModel) -> None:
         if model.njnt == 0:
@@ -67,13 +96,22 @@ class ArmModel:
                 f"{self.path}: a free or ball joint was found. Sounding needs a fixed base and hinge or slide "
                 "joints; remove the <freejoint> of the base."
             )
-        sites = [model.site(i).name for i in range(model.nsite)]
-        if self.flange not in sites:
-            have = ", ".join(name for name in sites if name) or "none"
+        is_endless = (model.jnt_type == slide) & (model.jnt_limited == 0)
+        if is_endless.any():
+            name = model.joint(int(np.argmax(is_endless))).name or "a joint"
             raise ArmError(
-                f"{self.path}: no site named {self.flange!r} to carry the probe (sites: {have}). "
-                "Name one with --flange, or add a <site> to the last link."
+                f"{self.path}: {name} slides without limits, as a mobile base does. Sounding needs a fixed base: "
+                "give the joint a range, or remove it and place the arm with --base-mm."
             )
+
+
+def base_frame(base_m: tuple[float, float, float], yaw_rad: float) -> NDArray[np.float64]:
+    """The frame of a base that stands upright at a position [m], turned by a yaw [rad], shape (4, 4)."""
+    T = np.eye(4)
+    cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+    T[:2, :2] = [[cos, -sin], [sin, cos]]
+    T[:3, 3] = base_m
+    return T
 
 
 def _first_line(error: Exception) -> str:

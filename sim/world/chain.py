@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import mujoco
@@ -57,6 +58,16 @@ class Chain:
         self.high = np.where(is_limited, model.jnt_range[self.joints, 1], np.inf)
         self._zero = model.qpos0[self.columns].copy()
         self._R, self._p = _constants(model, self.joints, tip)
+        self._T_world_base = scene.T_world_base
+
+    def at_base(self, T_world_base: Array) -> Chain:
+        """The same chain with its base at another frame, shape (4, 4)."""
+        moved = copy.copy(self)
+        T = T_world_base @ np.linalg.inv(self._T_world_base)
+        moved._R, moved._p, moved._T_world_base = self._R.copy(), self._p.copy(), T_world_base.copy()
+        moved._R[0] = T[:3, :3] @ self._R[0]
+        moved._p[0] = T[:3, :3] @ self._p[0] + T[:3, 3]
+        return moved
 
     @property
     def n_joints(self) -> int:

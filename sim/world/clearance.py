@@ -196,7 +196,7 @@ def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.fl
         int(mujoco.mjtGeom.mjGEOM_SPHERE),
     ):
         return axis_spheres(model, geom)
-    points_m = _surface_points(model, geom)
+    points_m = surface_points(model, geom)
     if is_probe:
         in_body_m = points_m @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
         points_m = points_m[np.linalg.norm(in_body_m - model.site_pos[tip_id], axis=1) > FACE_RADIUS_M]
@@ -213,7 +213,7 @@ def axis_spheres(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64],
     return np.column_stack([0 * z_m, 0 * z_m, z_m]), np.full(len(z_m), radius_m)
 
 
-def _surface_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+def surface_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
     """Points on a geom's surface in its own frame [m], shape (N, 3)."""
     kind, size = model.geom_type[geom], model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:

@@ -76,26 +76,26 @@ def descend(
     """
     q = np.clip(q_start, chain.low, chain.high)
     n = len(q)
-    distance_m, angle_rad = np.full(n, np.inf), np.full(n, np.inf)
-    n_steps, best, since = np.zeros(n, dtype=np.int64), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+    end = Descent(q, np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, dtype=np.int64))
+    best, since = np.full(n, np.inf), np.zeros(n, dtype=np.int64)
     rows = np.arange(n)
     for step in range(max_steps + 1):
         state = chain.forward(q[rows])
-        distance_m[rows], angle_rad[rows] = pose_errors(state, positions_m[rows], normals[rows])
-        error = distance_m[rows] + AXIS_WEIGHT_M * angle_rad[rows]
-        is_better = error < 0.5 * best[rows]
-        best[rows] = np.where(is_better, error, best[rows])
-        since[rows] = np.where(is_better, 0, since[rows] + 1)
-        n_steps[rows] = step
-        is_done = (distance_m[rows] <= position_tolerance_m) & (angle_rad[rows] <= angle_tolerance_rad)
-        is_open = ~is_done & (since[rows] < STALL_STEPS)
+        distance_m, angle_rad = pose_errors(state, positions_m[rows], normals[rows])
+        end.distance_m[rows], end.angle_rad[rows], end.n_steps[rows] = distance_m, angle_rad, step
+        error = distance_m + AXIS_WEIGHT_M * angle_rad
+        is_better = error < 0.5 * best
+        best, since = np.where(is_better, error, best), np.where(is_better, 0, since + 1)
+        is_done = (distance_m <= position_tolerance_m) & (angle_rad <= angle_tolerance_rad)
+        is_open = ~is_done & (since < STALL_STEPS)
         if step == max_steps or not is_open.any():
             break
+        rows, best, since = rows[is_open], best[is_open], since[is_open]
+        here = q[rows]
         state = ChainState(*(part[is_open] for part in vars(state).values()))
-        rows = rows[is_open]
-        q[rows] += _step(chain, state, q[rows], positions_m[rows], normals[rows], max_step_rad, centring_gain)
-        np.clip(q, chain.low, chain.high, out=q)
-    return Descent(q, distance_m, angle_rad, n_steps)
+        here += _step(chain, state, here, positions_m[rows], normals[rows], max_step_rad, centring_gain)
+        q[rows] = np.clip(here, chain.low, chain.high)
+    return end
 
 
 def _step(
@@ -115,6 +115,14 @@ def _step(
     damping = DAMPING + 1e-2 * np.einsum("ij,ij->i", e, e)
     z = _centring(chain, q, centring_gain)
     dq = _capped(_solve(J, e, z, damping), max_step_rad)
+    return _within(chain, q, dq, (J, e, z, damping), max_step_rad)
+
+
+def _within(
+    chain: Chain, q: Array, dq: Array, terms: tuple[Array, Array, Array, Array], max_step_rad: float
+) -> Array:
+    """Steps that keep within the limits: joints that would leave are held there and the others solved again."""
+    J, e, z, damping = terms
     low, high = chain.low - q, chain.high - q
     held = np.zeros(q.shape, dtype=bool)
     for _ in range(LIMIT_PASSES):

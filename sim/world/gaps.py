@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .clearance import ARM_MARGIN_M, FAR_M, PROBE_MARGIN_M, Clearance, Collision
-from .scene import Scene
+from .scene import MOUNT, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +46,16 @@ class GapMeter:
         self._model.geom_margin[:] = FAR_M / 2.0  # the margins of the two geoms add up
         self._data = mujoco.MjData(self._model)
         self._clearance = clearance
+
+    def at_base(self, T_world_base: NDArray[np.float64]) -> GapMeter:
+        """The same meter with the arm's base at another frame, shape (4, 4)."""
+        moved = copy.copy(self)
+        moved._model = copy.copy(self._model)
+        mount = moved._model.body(MOUNT)
+        mount.pos[:] = T_world_base[:3, 3]
+        mujoco.mju_mat2Quat(mount.quat, np.ascontiguousarray(T_world_base[:3, :3]).ravel())
+        moved._data = mujoco.MjData(moved._model)
+        return moved
 
     def measure(self, q: NDArray[np.float64]) -> Gaps:
         """The gaps at joint positions of the whole scene, shape (N, nq)."""

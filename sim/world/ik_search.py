@@ -8,22 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .approach import Approach, Round
 from .chain import Array, Chain, frames_along
 from .clearance import PROBE_MARGIN_M, Clearance
-from .descent import AXIS_WEIGHT_M, Descent, descend, pose_errors
+from .descent import pose_errors
 from .gaps import GapMeter
 from .ik_result import IkResult, IkStatus
 from .ik_settings import IkSettings
 from .scene import Scene
 from .start_set import StartSet
-from .trials import Trials, closeness, closest, comfort, joint_at_limit, n_distinct
+from .trials import n_distinct
+from .verdict import Judge
 
-CHUNK = 256
+CHUNK = 512
 """Poses searched together: enough that NumPy's calls are cheap, few enough that the arrays stay in the cache."""
 SURE_STARTS = 12
 """After this many starts a pose is given up whose closest answer is the stretched arm, at no limit and free."""
-NEAR_TOLERANCES = 10.0
-"""Within this many tolerances of the position it is the beam that fails."""
 SURE_M = 0.001
 """A probe that at the exact pose is this far from the organ is clear of it within the IK's tolerances."""
 
@@ -82,6 +82,25 @@ class IkSearch:
         """The same search with another number of restarts."""
         return self.with_settings(replace(self.settings, max_restarts=max_restarts))
 
+    def at_base(self, T_world_base: Array) -> IkSearch:
+        """The same search with the arm's base elsewhere, at a frame of shape (4, 4).
+
+        The starts are those of this one, carried along; what they touch at the new place is not looked at, since every
+        answer is.
+        """
+        other = copy.copy(self)
+        other.chain = self.chain.at_base(T_world_base)
+        other.meter = self.meter.at_base(T_world_base)
+        other.starts = self.starts.at_base(other.chain)
+        other._reach = other.chain.hub_reach()
+        return other
+
+    def with_new_starts(self) -> IkSearch:
+        """The same search with starts drawn afresh, free of contacts where the base stands now."""
+        other = copy.copy(self)
+        other.starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        return other
+
     def search(self, positions_m: Array, normals: Array) -> Answers:
         """Answers to poses: positions [m] and inward unit normals, shape (N, 3) each."""
         return Answers.joined(
@@ -106,29 +125,47 @@ class IkSearch:
         results: list[IkResult | None] = [None] * n
         clearance_m, n_solutions = np.full(n, np.nan), np.zeros(n, dtype=np.int64)
         is_tight = self._refuse_hopeless(positions_m, normals, results)
-        is_open = np.array([result is None for result in results])
+        approach = Approach(self.chain, self.meter, self.clearance, settings)
+        judge = Judge(self.chain, settings, self.too_far_m)
+        rows = np.array([row for row in range(n) if results[row] is None], dtype=np.int64)
         n_starts = min(settings.max_restarts + 1, len(self.starts))
         first, count = 0, settings.n_compared
-        while first < n_starts and is_open.any():
-            rows = np.flatnonzero(is_open)
+        while first < n_starts and len(rows):
             last = min(first + count, n_starts)
             chosen = self.starts.starts(positions_m[rows], normals[rows], first, last)
-            owner = np.repeat(rows, chosen.shape[1])
-            trials = self._try(owner, chosen.reshape(-1, self.chain.n_joints), positions_m, normals, is_tight)
-            for row in rows:
-                mine = np.flatnonzero(owner == row)
-                result, best = self._judge(
+            owner = np.repeat(np.arange(len(rows)), last - first)
+            of_pose = rows[owner]
+            starts = Round(
+                owner,
+                chosen.reshape(len(owner), -1),
+                positions_m[of_pose],
+                normals[of_pose],
+                is_tight[of_pose],
+            )
+            trials = approach.try_starts(starts)
+            found = n_distinct(trials.q.reshape(chosen.shape), trials.is_free.reshape(chosen.shape[:2]))
+            stays_open = np.zeros(len(rows), dtype=bool)
+            for index, row in enumerate(rows.tolist()):
+                mine = slice(index * (last - first), (index + 1) * (last - first))
+                result, best = judge.result(
                     trials, mine, positions_m[row], normals[row], n_before=first, earlier=results[row]
                 )
                 results[row] = result
                 if result.is_reached:
-                    is_open[row] = False
-                    clearance_m[row] = trials.clearance_m[best]
-                    n_solutions[row] = n_distinct(trials.q[mine[trials.is_valid[mine]]])
-                elif last > SURE_STARTS and result.status is IkStatus.TOO_FAR:
-                    is_open[row] = False
-            first, count = first + count, 2 * count
+                    clearance_m[row], n_solutions[row] = trials.clearance_m[best], found[index]
+                else:
+                    stays_open[index] = last <= SURE_STARTS or result.status is not IkStatus.TOO_FAR
+            rows = rows[stays_open]
+            first, count = last, 2 * count
         return Answers([result for result in results if result is not None], clearance_m, n_solutions)
+
+    def is_reached_from(self, starts: Array, position_m: Array, normal: Array) -> bool:
+        """Whether any start of the caller's, shape (N, n), leads to one pose, shape (3,) each."""
+        n = len(starts)
+        owner, is_tight = np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
+        approach = Approach(self.chain, self.meter, self.clearance, self.settings)
+        asked = Round(owner, starts, np.tile(position_m, (n, 1)), np.tile(normal, (n, 1)), is_tight)
+        return bool(approach.try_starts(asked).is_valid.any())
 
     def _refuse_hopeless(
         self, positions_m: Array, normals: Array, results: list[IkResult | None]
@@ -166,133 +203,3 @@ class IkSearch:
                         IkStatus.COLLISION, q, q, errors[row, 0], errors[row, 1], 0, 0, detail
                     )
         return is_tight
-
-    def _try(
-        self,
-        owner: NDArray[np.int64],
-        starts: Array,
-        positions_m: Array,
-        normals: Array,
-        is_tight: NDArray[np.bool_],
-    ) -> Trials:
-        """Descend to the pose and on to the stand-off from each start, and look for contacts at both."""
-        at_m, along = positions_m[owner], normals[owner]
-        contact = self._descend(starts, at_m, along)
-        is_there = self._is_within(contact)
-        lifted = Descent(contact.q.copy(), contact.distance_m, contact.angle_rad, contact.n_steps)
-        is_above = is_there.copy()
-        hits: dict[int, str] = {}
-        n_steps = contact.n_steps.copy()
-        miss_m = contact.distance_m + AXIS_WEIGHT_M * contact.angle_rad
-        if self.settings.standoff_m > 0.0 and is_there.any():
-            rows = np.flatnonzero(is_there)
-            above_m = at_m[rows] - self.settings.standoff_m * along[rows]
-            above = self._descend(contact.q[rows], above_m, along[rows])
-            lifted.q[rows] = above.q
-            n_steps[rows] += above.n_steps
-            is_above[rows] = self._is_within(above)
-            miss_m[rows] = above.distance_m + AXIS_WEIGHT_M * above.angle_rad
-        clearance_m = np.full(len(owner), np.nan)
-        is_valid = self._free(is_above, contact.q, "At the pose", hits, is_tight[owner], clearance_m)
-        if self.settings.standoff_m > 0.0:
-            is_valid = self._free(is_valid, lifted.q, "Above the pose", hits, is_tight[owner])
-        return Trials(
-            owner, contact.q, lifted.q, contact.distance_m, contact.angle_rad, n_steps,
-            is_there, is_above, is_valid, miss_m, hits, clearance_m,
-        )  # fmt: skip
-
-    def _descend(self, starts: Array, positions_m: Array, normals: Array) -> Descent:
-        settings = self.settings
-        return descend(
-            self.chain,
-            starts,
-            positions_m,
-            normals,
-            position_tolerance_m=settings.position_tolerance_m,
-            angle_tolerance_rad=settings.angle_tolerance_rad,
-            max_steps=settings.max_iterations,
-            max_step_rad=settings.max_step_rad,
-        )
-
-    def _is_within(self, descent: Descent) -> NDArray[np.bool_]:
-        return (descent.distance_m <= self.settings.position_tolerance_m) & (
-            descent.angle_rad <= self.settings.angle_tolerance_rad
-        )
-
-    def _free(
-        self,
-        is_asked: NDArray[np.bool_],
-        q: Array,
-        place: str,
-        hits: dict[int, str],
-        is_tight: NDArray[np.bool_],
-        clearance_m: Array | None = None,
-    ) -> NDArray[np.bool_]:
-        """Which of the rows asked for touch nothing forbidden; writes what the others touch, and the clearance."""
-        rows = np.flatnonzero(is_asked)
-        is_free = np.zeros(len(q), dtype=bool)
-        if not len(rows):
-            return is_free
-        gaps = self.meter.measure(self.chain.full(q[rows]))
-        probe_m, geom = np.full(len(rows), np.inf), np.zeros(len(rows), dtype=np.int64)
-        tight = np.flatnonzero(is_tight[rows])
-        state = self.chain.forward(q[rows[tight]])
-        probe_m[tight], geom[tight] = self.clearance.probe_distances(state.tips_m, state.R_world_tip)
-        is_free[rows] = gaps.is_free & (probe_m >= PROBE_MARGIN_M)
-        for index in np.flatnonzero(~is_free[rows]).tolist():
-            hit = self.meter.collision(gaps, index) or self.meter.probe_collision(
-                float(probe_m[index]), int(geom[index])
-            )
-            hits[int(rows[index])] = f"{place} {hit}."
-        if clearance_m is not None:
-            clearance_m[rows] = gaps.clearance_m
-        return is_free
-
-    def _judge(
-        self,
-        trials: Trials,
-        mine: NDArray[np.int64],
-        position_m: Array,
-        normal: Array,
-        *,
-        n_before: int,
-        earlier: IkResult | None,
-    ) -> tuple[IkResult, int]:
-        """The result of one pose after a round, and the trial it comes from."""
-        n_steps = int(trials.n_steps[mine].sum()) + (earlier.n_iterations if earlier else 0)
-        n_restarts = n_before + len(mine) - 1
-        valid, hits = mine[trials.is_valid[mine]], mine[trials.is_converged[mine]]
-        status, detail = IkStatus.REACHED, ""
-        if len(valid):
-            best = int(valid[np.argmax(comfort(self.chain, trials, valid))])
-        elif len(hits):
-            best = int(hits[0])
-            status, detail = IkStatus.COLLISION, trials.hits[best]
-        else:
-            best = closest(trials, mine)
-            status, detail = self._shortfall(trials, best, position_m, normal)
-        q, q_standoff = (self.chain.full(part[best]) for part in (trials.q, trials.q_standoff))
-        distance_m, angle_rad = float(trials.distance_m[best]), float(trials.angle_rad[best])
-        result = IkResult(status, q, q_standoff, distance_m, angle_rad, n_steps, n_restarts, detail)
-        if earlier is not None and not result.is_reached and closeness(earlier) <= closeness(result):
-            result = replace(earlier, n_iterations=n_steps, n_restarts=n_restarts)
-        return result, best
-
-    def _shortfall(self, trials: Trials, row: int, position_m: Array, normal: Array) -> tuple[IkStatus, str]:
-        """Why a trial ended before the pose, or before the stand-off above it."""
-        is_there = bool(trials.is_there[row])
-        at_m = position_m - self.settings.standoff_m * normal if is_there else position_m
-        q = trials.q_standoff[row]  # equal to that at the pose where the pose was never reached
-        state = self.chain.forward(q[None])
-        distance_m, angle_rad = (float(e[0]) for e in pose_errors(state, at_m[None], normal[None]))
-        text = f"{'Above the pose' if is_there else 'At the pose'} the closest is {distance_m * 1e3:.1f} mm"
-        text += f" and {np.rad2deg(angle_rad):.1f} degrees off"
-        if limit := joint_at_limit(self.chain, q):
-            return IkStatus.JOINT_LIMIT, f"{text}; {limit}."
-        wanted_m = self.too_far_m(at_m[None], normal[None])[0]
-        stretched_m = self.too_far_m(state.tips_m, state.beams)[0]
-        if wanted_m > stretched_m + self.settings.position_tolerance_m:
-            return IkStatus.TOO_FAR, f"{text}, no joint being at its limit."
-        is_turned = angle_rad <= self.settings.angle_tolerance_rad
-        is_near = distance_m <= NEAR_TOLERANCES * self.settings.position_tolerance_m
-        return (IkStatus.AXIS if is_near and not is_turned else IkStatus.NOT_CONVERGED), f"{text}."

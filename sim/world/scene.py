@@ -18,6 +18,8 @@ from .solid import Solid
 ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
 TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
 CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
+MOUNT = "mount"
+"""The body that carries the arm's base: its pose in the world is the arm's placement."""
 MIN_MESH_EXTENT_M = 1e-4
 """Tumours thinner than this have no volume that MuJoCo could integrate."""
 
@@ -47,6 +49,16 @@ class Scene:
     arm_geoms: frozenset[int] = field(default_factory=frozenset)
     """Geom ids of arm and probe that can collide."""
 
+    @property
+    def T_world_base(self) -> NDArray[np.float64]:
+        """Where the arm's base stands, shape (4, 4); the world's origin for a free probe."""
+        T = np.eye(4)
+        if not self.free_probe:
+            mount, R = self.model.body(MOUNT), np.empty(9)
+            mujoco.mju_quat2Mat(R, mount.quat)
+            T[:3, :3], T[:3, 3] = R.reshape(3, 3), mount.pos
+        return T
+
     def new_data(self) -> mujoco.MjData:
         """A fresh state with the arm at home."""
         data = mujoco.MjData(self.model)
@@ -56,16 +68,13 @@ class Scene:
         return data
 
 
-def build_scene(
-    anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None, T_world_base: NDArray[np.float64] | None = None
-) -> Scene:
+def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
     """Compose the world.
 
     Args:
         anatomy: Organ and tumours in world coordinates [m].
         cone: The sensed volume; drawn as a translucent cone at the probe's tip.
-        arm: The arm, or None for a probe that flies freely.
-        T_world_base: Where the arm's base stands, shape (4, 4); the origin by default.
+        arm: The arm and where it stands, or None for a probe that flies freely.
 
     Raises:
         ArmError: The arm cannot be used; see `ArmModel.load`.
@@ -80,7 +89,7 @@ def build_scene(
     spec.visual.headlight.ambient = [0.38, 0.38, 0.38]
     spec.visual.headlight.diffuse = [0.30, 0.30, 0.30]
     probe = mujoco.MjSpec.from_file(str(MODELS_DIR / "probe.xml"))
-    home_q = _attach(spec, probe, arm, np.eye(4) if T_world_base is None else T_world_base)
+    home_q = _attach(spec, probe, arm)
     _add_solid(spec, "organ", anatomy.organ, ORGAN_RGBA, Group.ORGAN)
     for index, tumour in enumerate(anatomy.tumours):
         _add_solid(spec, f"tumour{index}", tumour, TUMOUR_RGBA, Group.TUMOUR)
@@ -96,9 +105,7 @@ def build_scene(
     )
 
 
-def _attach(
-    spec: mujoco.MjSpec, probe: mujoco.MjSpec, arm: ArmModel | None, T_world_base: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _attach(spec: mujoco.MjSpec, probe: mujoco.MjSpec, arm: ArmModel | None) -> NDArray[np.float64]:
     """Attach the arm and the probe at its flange (or a mocap probe); returns the home configuration."""
     if arm is None:
         probe.body("probe").mocap = True
@@ -108,14 +115,16 @@ def _attach(
     for geom in arm_spec.geoms:
         if geom.group in (Group.ORGAN, Group.TUMOUR):  # those groups are what rays ask for
             geom.group = int(Group.ARM)
+    T_world_base = arm.T_world_base
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T_world_base[:3, :3]).ravel())
-    base = spec.worldbody.add_frame(pos=T_world_base[:3, 3], quat=quat)
+    mount = spec.worldbody.add_body(name=MOUNT, pos=T_world_base[:3, 3], quat=quat)
+    flange = arm.flange_of(arm_spec)
     spec.option.integrator = arm_spec.option.integrator
     spec.option.timestep = arm_spec.option.timestep
-    spec.attach(arm_spec, prefix="arm_", frame=base)
-    spec.attach(probe, prefix="probe_", site=spec.site(f"arm_{arm.flange}"))
-    _exclude_neighbours(spec, f"arm_{arm.flange}")
+    spec.attach(arm_spec, prefix="arm_", frame=mount.add_frame())
+    spec.attach(probe, prefix="probe_", site=spec.site(f"arm_{flange}"))
+    _exclude_neighbours(spec, f"arm_{flange}")
     return home_q
 
 
@@ -129,6 +138,26 @@ def _exclude_neighbours(spec: mujoco.MjSpec, flange: str) -> None:
     base = next((body for body in spec.bodies if body.name.startswith("arm_")), None)
     if base is not None:
         spec.add_exclude(bodyname1="table", bodyname2=base.name)
+    for (
+        body
+    ) in spec.bodies:  # MuJoCo lets links off that share a joint, but not where the first of them is fixed
+        parent = body.parent
+        if (
+            body.name.startswith("arm_")
+            and body.joints
+            and parent.name.startswith("arm_")
+            and _is_fixed(parent)
+        ):
+            spec.add_exclude(bodyname1=parent.name, bodyname2=body.name)
+
+
+def _is_fixed(body: mujoco.MjsBody) -> bool:
+    """Whether no joint moves a body."""
+    while body.name != MOUNT:
+        if body.joints:
+            return False
+        body = body.parent
+    return True
 
 
 def _add_solid(

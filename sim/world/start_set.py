@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -27,11 +29,20 @@ class StartSet:
         state = chain.forward(q)
         is_above = state.tips_m[:, 2] > 0.0
         q = q[is_above]
-        q = np.vstack([chain.home, q[meter.measure(chain.full(q)).is_free]])
+        self._keep(chain, np.vstack([chain.home, q[meter.measure(chain.full(q)).is_free]]))
+
+    def _keep(self, chain: Chain, q: Array) -> None:
         state = chain.forward(q)
         self.q = q
         self._home = chain.home
         self._tree = KDTree(np.hstack([state.tips_m, AXIS_WEIGHT_M * state.beams]))
+
+    def at_base(self, chain: Chain) -> StartSet:
+        """The configurations of this set whose tip is above the table with the base where `chain` has it."""
+        moved = copy.copy(self)
+        is_above = chain.forward(self.q).tips_m[:, 2] > 0.0
+        moved._keep(chain, self.q[is_above] if is_above.any() else self.q)
+        return moved
 
     def starts(self, positions_m: Array, normals: Array, first: int, last: int) -> NDArray[np.float64]:
         """The starts `first` to `last` (exclusive) for each pose, shape (N, last - first, n).

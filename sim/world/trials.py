@@ -38,15 +38,18 @@ class Trials:
     n_steps: NDArray[np.int64]
     is_there: NDArray[np.bool_]
     """Whether the pose is within tolerance."""
-    is_converged: NDArray[np.bool_]
-    """Whether the stand-off is as well."""
+    is_free: NDArray[np.bool_]
+    """Whether it is free of contacts too."""
     is_valid: NDArray[np.bool_]
-    """Whether both are free of contacts too."""
+    """Whether the stand-off is within tolerance and free as well; less comfortable ones are not looked at."""
     miss_m: Array
     """Error at the pose, or above it where the pose is within tolerance, angles weighted."""
     hits: dict[int, str]
-    """What the rows touch that converged and are not valid."""
+    """What rows touch at the pose, or above it."""
     clearance_m: Array
+    """At the pose, NaN where that was not reached."""
+    comfort: Array
+    """How comfortable the answer is, -inf where it is not free."""
 
 
 def closest(trials: Trials, rows: NDArray[np.int64]) -> int:
@@ -54,11 +57,11 @@ def closest(trials: Trials, rows: NDArray[np.int64]) -> int:
     return int(rows[np.lexsort((trials.miss_m[rows], ~trials.is_there[rows]))[0]])
 
 
-def comfort(chain: Chain, trials: Trials, rows: NDArray[np.int64]) -> Array:
-    """How comfortable answers are: room to limits and to obstacles, and nearness to home, shape (len(rows),)."""
-    from_home = np.abs(trials.q[rows] - chain.home).max(axis=1) / np.pi
-    room = chain.limit_room(trials.q[rows]).min(axis=1)
-    return comfort_score(room, trials.clearance_m[rows]) - HOME_WEIGHT * from_home
+def comfort(chain: Chain, q: Array, clearance_m: Array) -> Array:
+    """How comfortable answers are: room to limits and to obstacles, and nearness to home, shape (N,)."""
+    from_home = np.abs(q - chain.home).max(axis=1) / np.pi
+    room = chain.limit_room(q).min(axis=1)
+    return comfort_score(room, clearance_m) - HOME_WEIGHT * from_home
 
 
 def comfort_score(limit_room: Array, clearance_m: Array) -> Array:
@@ -66,13 +69,18 @@ def comfort_score(limit_room: Array, clearance_m: Array) -> Array:
     return np.minimum(np.minimum(limit_room / COMFORT_ROOM_RAD, clearance_m / COMFORT_CLEARANCE_M), 1.0)
 
 
-def n_distinct(q: Array) -> int:
-    """How many configurations differ from each other by `DISTINCT_RAD` in some joint; q has shape (N, n)."""
-    kept: list[Array] = []
-    for each in q:
-        if all(np.abs(each - other).max() > DISTINCT_RAD for other in kept):
-            kept.append(each)
-    return len(kept)
+def n_distinct(q: Array, is_answer: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """How many answers of each pose differ from each other by `DISTINCT_RAD` in some joint, shape (P,).
+
+    Args:
+        q: Configurations, as many for each pose, shape (P, K, n).
+        is_answer: Which of them are answers, shape (P, K).
+    """
+    is_apart = np.abs(q[:, :, None] - q[:, None]).max(axis=3) > DISTINCT_RAD
+    is_kept = np.zeros_like(is_answer)
+    for k in range(q.shape[1]):
+        is_kept[:, k] = is_answer[:, k] & (is_apart[:, k] | ~is_kept).all(axis=1)
+    return is_kept.sum(axis=1)
 
 
 def joint_at_limit(chain: Chain, q: Array) -> str:

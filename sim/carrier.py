@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -27,6 +28,13 @@ class Carrier(ABC):
     @abstractmethod
     def reach(self, pose: int) -> IkResult:
         """Whether and how pose `pose` of the workspace is reached; the same answer every time."""
+
+    def is_prepared(self, pose: int) -> bool:
+        """Whether `reach` will answer at once."""
+        return True
+
+    def prepare(self, poses: Sequence[int]) -> None:
+        """Answer poses together, which takes less time than asking one after the other; the answers are the same."""
 
     @abstractmethod
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
@@ -58,6 +66,16 @@ class ArmCarrier(Carrier):
             position_m, normal = self.workspace.positions_m[pose], self.workspace.normals[pose]
             self._answers[pose] = self._kinematics.solve(position_m, normal)
         return self._answers[pose]
+
+    def is_prepared(self, pose: int) -> bool:
+        """See `Carrier.is_prepared`."""
+        return pose in self._answers
+
+    def prepare(self, poses: Sequence[int]) -> None:
+        """See `Carrier.prepare`."""
+        new = [pose for pose in dict.fromkeys(poses) if pose not in self._answers]
+        answers = self._kinematics.solve_many(self._workspace.positions_m[new], self._workspace.normals[new])
+        self._answers.update(zip(new, answers, strict=True))
 
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
         """See `Carrier.place`."""

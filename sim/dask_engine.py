@@ -1,0 +1,73 @@
+"""Trials on a Dask cluster, by Dask's own interface, which runs the trials of lost workers again."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator
+
+from distributed import Client, Future, LocalCluster, wait
+from distributed.scheduler import KilledWorker
+
+from .engine import POLL_S, Engine, Outcome
+from .errors import UsageError
+from .study import Trial
+from .trial_result import TrialResult, lost_result
+
+TRIALS_PER_THREAD = 2
+"""Trials handed out per thread of the cluster: one runs, the next is there when it ends."""
+CONNECT_S = 20
+
+
+class DaskEngine(Engine):
+    """The workers of a cluster, or `n_jobs` processes of this machine. Workers need one thread each, not more."""
+
+    def __init__(self, n_jobs: int, address: str | None) -> None:
+        """Connect to the scheduler at an address, or start one here.
+
+        Raises:
+            UsageError: Nothing answers there.
+        """
+        self._cluster = None
+        if address is None:
+            self._cluster = LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=None)
+        try:
+            self._client = Client(address or self._cluster, timeout=CONNECT_S)
+        except (OSError, ValueError) as error:
+            raise UsageError(f"--address {address}: no Dask scheduler answers there ({error}).") from error
+
+    def outcomes(self, trials: Iterable[Trial]) -> Iterator[Outcome | None]:
+        """See `Engine.outcomes`."""
+        waiting = iter(trials)
+        running = {}
+        while True:
+            n_threads = max(sum(self._client.nthreads().values()), 1)
+            for trial in itertools.islice(waiting, max(TRIALS_PER_THREAD * n_threads - len(running), 0)):
+                running[self._client.submit(_work, trial, pure=False)] = trial
+            if not running:
+                return
+            try:
+                done = wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                yield None
+                continue
+            for future in done:
+                yield Outcome(running.pop(future), _result(future))
+
+    def close(self) -> None:
+        """See `Engine.close`."""
+        self._client.close()
+        if self._cluster is not None:
+            self._cluster.close()
+
+
+def _result(future: Future) -> TrialResult:
+    try:
+        return future.result()
+    except KilledWorker as error:
+        return lost_result(error.allowed_failures + 1)
+
+
+def _work(trial: Trial) -> TrialResult:
+    from .trial import run_trial
+
+    return run_trial(trial.run_options)

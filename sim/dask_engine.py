@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from distributed import Client, Future, LocalCluster, wait
 from distributed.scheduler import KilledWorker
@@ -29,7 +30,7 @@ class DaskEngine(Engine):
         """
         self._cluster = None
         if address is None:
-            self._cluster = LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=None)
+            self._cluster = LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=":0")
         try:
             self._client = Client(address or self._cluster, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
@@ -40,13 +41,13 @@ class DaskEngine(Engine):
         waiting = iter(trials)
         running = {}
         while True:
-            n_threads = max(sum(self._client.nthreads().values()), 1)
+            n_threads = max(sum(_now(self._client.nthreads()).values()), 1)
             for trial in itertools.islice(waiting, max(TRIALS_PER_THREAD * n_threads - len(running), 0)):
                 running[self._client.submit(_work, trial, pure=False)] = trial
             if not running:
                 return
             try:
-                done = wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED").done
+                done = _now(wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED")).done
             except TimeoutError:
                 yield None
                 continue
@@ -58,6 +59,11 @@ class DaskEngine(Engine):
         self._client.close()
         if self._cluster is not None:
             self._cluster.close()
+
+
+def _now(answer: Any) -> Any:
+    """The answer of a client that is not asynchronous, which its annotations leave open."""
+    return answer
 
 
 def _result(future: Future) -> TrialResult:

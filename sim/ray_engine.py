@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import logging
 from collections.abc import Iterable, Iterator
 
 import ray
@@ -34,7 +35,7 @@ class RayEngine(Engine):
                 address=address,
                 runtime_env={"env_vars": environment},
                 log_to_driver=False,
-                logging_level="error",
+                logging_level=logging.ERROR,
                 **more,
             )
         except (ConnectionError, ValueError, RuntimeError) as error:

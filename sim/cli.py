@@ -15,7 +15,7 @@ from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
 from .replay_options import ReplayOptions
-from .trials_options import TrialsOptions
+from .trials_options import CompareOptions, TrialsOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
@@ -30,6 +30,7 @@ class DoctorOptions:
 COMMANDS = {
     "episode": EpisodeOptions,
     "trials": TrialsOptions,
+    "compare": CompareOptions,
     "reach": ReachOptions,
     "ik": IkOptions,
     "replay": ReplayOptions,
@@ -58,6 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _replay(options)
         if isinstance(options, TrialsOptions):
             return _trials(options)
+        if isinstance(options, CompareOptions):
+            return _compare(options)
         return _episode(options)
     except (UsageError, WorldError, PlannerError) as error:
         print(f"sounding: {error}", file=sys.stderr)
@@ -101,6 +104,15 @@ def _trials(options: TrialsOptions) -> int:
         return EXIT_INTERRUPTED
     print(campaign_text(summary))
     return EXIT_INTERRUPTED if summary.is_interrupted else 0
+
+
+def _compare(options: CompareOptions) -> int:
+    from .compare import run_compare
+
+    summary = run_compare(options)
+    print(summary.text)
+    print(f"written to {summary.folder}, with {len(summary.figures)} figures")
+    return 0
 
 
 def _reach(options: ReachOptions) -> int:

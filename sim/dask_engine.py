@@ -9,7 +9,7 @@ from typing import Any
 from distributed import Client, Future, LocalCluster, wait
 from distributed.scheduler import KilledWorker
 
-from .engine import POLL_S, Engine, Outcome
+from .engine import POLL_S, Engine, Outcome, Work, run_there
 from .errors import UsageError
 from .study import Trial
 from .trial_result import TrialResult, lost_result
@@ -22,12 +22,13 @@ CONNECT_S = 20
 class DaskEngine(Engine):
     """The workers of a cluster, or `n_jobs` processes of this machine. Workers need one thread each, not more."""
 
-    def __init__(self, n_jobs: int, address: str | None) -> None:
+    def __init__(self, n_jobs: int, address: str | None, *, work: Work = run_there) -> None:
         """Connect to the scheduler at an address, or start one here.
 
         Raises:
             UsageError: Nothing answers there.
         """
+        self._work = work
         self._cluster = None
         if address is None:
             self._cluster = LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=":0")
@@ -43,7 +44,7 @@ class DaskEngine(Engine):
         while True:
             n_threads = max(sum(_now(self._client.nthreads()).values()), 1)
             for trial in itertools.islice(waiting, max(TRIALS_PER_THREAD * n_threads - len(running), 0)):
-                running[self._client.submit(_work, trial, pure=False)] = trial
+                running[self._client.submit(self._work, trial, pure=False)] = trial
             if not running:
                 return
             try:
@@ -71,9 +72,3 @@ def _result(future: Future) -> TrialResult:
         return future.result()
     except KilledWorker as error:
         return lost_result(error.allowed_failures + 1)
-
-
-def _work(trial: Trial) -> TrialResult:
-    from .trial import run_trial
-
-    return run_trial(trial.run_options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal, Self
@@ -12,6 +12,8 @@ from .errors import UsageError
 from .study import Trial
 from .trial_result import TrialResult
 
+Work = Callable[[Trial], TrialResult]
+"""What a process does with a trial."""
 EngineName = Literal["local", "dask", "ray"]
 POLL_S = 0.5
 """An engine returns this often even when nothing has happened, so that Ctrl-C is heeded."""
@@ -50,6 +52,13 @@ class Engine(ABC):
     ) -> None:
         """Let the processes go."""
         self.close()
+
+
+def run_there(trial: Trial) -> TrialResult:
+    """Run a trial, in the process that is to do it."""
+    from .trial import run_trial  # imports MuJoCo, which the campaign's own process never needs
+
+    return run_trial(trial.run_options)
 
 
 def make_engine(name: EngineName, *, n_jobs: int, address: str | None = None) -> Engine:

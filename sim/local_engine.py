@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 
 from loky import ProcessPoolExecutor
 
-from .engine import MAX_TRIES, POLL_S, Engine, Outcome
+from .engine import MAX_TRIES, POLL_S, Engine, Outcome, Work, run_there
 from .errors import UsageError
 from .study import Trial
 from .trial_result import TrialResult, lost_result
@@ -31,8 +31,14 @@ MAX_DEATHS_IN_A_ROW = 6
 class LocalEngine(Engine):
     """`n_jobs` processes; one that dies is replaced."""
 
-    def __init__(self, n_jobs: int) -> None:
-        """Prepare; processes start with their first trial."""
+    def __init__(self, n_jobs: int, *, work: Work = run_there) -> None:
+        """Prepare; processes start with their first trial.
+
+        Args:
+            n_jobs: Number of processes.
+            work: What is done with a trial; running it by default.
+        """
+        self._work = work
         self._idle = [_new_process() for _ in range(n_jobs)]
         self._running: dict[Future[TrialResult], tuple[Trial, ProcessPoolExecutor]] = {}
         self._n_deaths: dict[Trial, int] = {}
@@ -68,10 +74,10 @@ class LocalEngine(Engine):
         """Hand a trial to an idle process; one that died while idle is replaced."""
         process = self._idle.pop()
         try:
-            future = process.submit(_work, trial)
+            future = process.submit(self._work, trial)
         except BrokenProcessPool:
             process = _new_process()
-            future = process.submit(_work, trial)
+            future = process.submit(self._work, trial)
         self._running[future] = (trial, process)
 
     def _bury(self, trial: Trial, process: ProcessPoolExecutor) -> Outcome | None:
@@ -105,9 +111,3 @@ def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(POLL_S)
     os._exit(1)
-
-
-def _work(trial: Trial) -> TrialResult:
-    from .trial import run_trial  # imports MuJoCo, which the campaign's own process never needs
-
-    return run_trial(trial.run_options)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 import ray
 from ray.exceptions import RayError, WorkerCrashedError
 
-from .engine import MAX_TRIES, POLL_S, Engine, Outcome
+from .engine import MAX_TRIES, POLL_S, Engine, Outcome, Work, run_there
 from .errors import UsageError
 from .local_engine import ENVIRONMENT
 from .study import Trial
@@ -22,7 +22,7 @@ TRIALS_PER_CPU = 2
 class RayEngine(Engine):
     """The processors of a cluster, or `n_jobs` of this machine."""
 
-    def __init__(self, n_jobs: int, address: str | None) -> None:
+    def __init__(self, n_jobs: int, address: str | None, *, work: Work = run_there) -> None:
         """Connect to the cluster at an address, or start one here.
 
         Raises:
@@ -40,7 +40,7 @@ class RayEngine(Engine):
             )
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise UsageError(f"--address {address}: no Ray cluster answers there ({error}).") from error
-        self._work = ray.remote(num_cpus=1, max_retries=MAX_TRIES - 1)(_work)
+        self._work = ray.remote(num_cpus=1, max_retries=MAX_TRIES - 1)(work)
 
     def outcomes(self, trials: Iterable[Trial]) -> Iterator[Outcome | None]:
         """See `Engine.outcomes`."""
@@ -70,9 +70,3 @@ def _result(reference: ray.ObjectRef) -> TrialResult:
         return lost_result(MAX_TRIES)
     except RayError as error:
         return TrialResult({"status": "failed", "error": f"{type(error).__name__}: {error}"})
-
-
-def _work(trial: Trial) -> TrialResult:
-    from .trial import run_trial
-
-    return run_trial(trial.run_options)

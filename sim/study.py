@@ -152,6 +152,11 @@ def option_names() -> tuple[str, ...]:
     return tuple(field.name for field in dataclasses.fields(EpisodeOptions) if field.name not in NOT_AXES)
 
 
+def default_of(name: str) -> Any:
+    """The value of an option that nobody sets, as plain data."""
+    return _plain(_defaults()[name])
+
+
 def option_value(name: str, value: Any) -> Any:
     """A value as the option's type has it: a whole number where a float is due, a text where a path is.
 
@@ -163,6 +168,11 @@ def option_value(name: str, value: Any) -> Any:
         if (converted := _converted(kind, value)) is not None:
             return converted
     raise UsageError(f"{name}={value!r}: {_wanted(hint)}.")
+
+
+def options_of(settings: Mapping[str, Any]) -> EpisodeOptions:
+    """The options that a trial's settings stand for."""
+    return EpisodeOptions(**{name: option_value(name, value) for name, value in settings.items()})
 
 
 def parse_seeds(value: Any) -> Values:

@@ -22,10 +22,8 @@ from .options import EpisodeOptions
 from .rehearsal import Rehearsal
 from .run import Tally, arm_model, episode_summary, run_episode
 from .stage import Stage, build_stage
-from .trial_result import TrialResult
+from .trial_result import RECALL_LEVELS, TrialResult
 
-RECALL_LEVELS = np.arange(1, 51) / 50
-"""Levels at which a trial's precision is kept."""
 CURVE_DIGITS = 6
 """Decimals of the curves that are kept; scores in the rows have all their digits."""
 MEASURED = ("setup_s", "render_s", "wall_s")
@@ -54,7 +52,7 @@ def run_trial(options: EpisodeOptions) -> TrialResult:
 def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
     stage, stage_s = _stage(options)
     if options.out is not None:
-        run_episode(options, stage=stage, show_progress=False)
+        write_trial_folder(options)
     setup_start_s = perf_counter()
     planner = options.make_planner()
     episode = Episode(
@@ -76,6 +74,11 @@ def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
     }
     timings = tally.seconds() | {"setup_s": setup_s, "stage_s": stage_s} | _costs(start_s)
     return TrialResult(row, timings, _curves(episode, tally))
+
+
+def write_trial_folder(options: EpisodeOptions) -> None:
+    """Run an episode and write its folder, on the process's stage."""
+    run_episode(options, stage=_stage(options)[0], show_progress=False)
 
 
 def _stage(options: EpisodeOptions) -> tuple[Stage, float]:

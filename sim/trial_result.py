@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from .study import Trial
+
+RECALL_LEVELS = np.arange(1, 51) / 50
+"""Levels at which a trial's precision is kept."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import numpy as np
 
 from .journal import Entry, Journal
 from .study import LEADING, Study
+from .trial_result import RECALL_LEVELS
 
 TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
 ROUNDS_OF_PARQUET_BYTES = 1 << 26
@@ -68,22 +69,21 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
         NaN in rows without a map.
     """
     counts, auprc, sensed, precision = array("q"), array("f"), array("f"), array("f")
-    levels = np.arange(1, 51) / 50
     for entry in entries:
         curves = entry["curves"]
         sensed_here = curves.get("sensed_fraction", [])
         counts.append(len(sensed_here))
         sensed.extend(_floats(sensed_here))
         auprc.extend(_floats(curves.get("auprc") or [None] * len(sensed_here)))
-        precision.extend(_floats(curves.get("precision") or [None] * len(levels)))
+        precision.extend(_floats(curves.get("precision") or [None] * len(RECALL_LEVELS)))
     count = np.asarray(counts, dtype=np.int64)
     return {
         "first": np.cumsum(count) - count,
         "count": count,
         "auprc": np.asarray(auprc, dtype=np.float32),
         "sensed_fraction": np.asarray(sensed, dtype=np.float32),
-        "precision": np.asarray(precision, dtype=np.float32).reshape(-1, len(levels)),
-        "recall": levels,
+        "precision": np.asarray(precision, dtype=np.float32).reshape(-1, len(RECALL_LEVELS)),
+        "recall": RECALL_LEVELS,
     }
 
 

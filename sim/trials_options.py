@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 from .engine import EngineName
 from .errors import UsageError
@@ -102,3 +105,39 @@ class TrialsOptions:
         if self.seeds is not None:
             given["seed"] = parse_seeds(self.seeds)
         return given
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareOptions:
+    """Compare the planners of one or more campaigns, on equal seeds: tables, intervals and figures.
+
+    Writes compare.md, compare.csv and figures, and prints the tables.
+    """
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Folders that `sounding trials` wrote."""
+    out: Path | None = None
+    """Folder to write to; <first folder>/compare by default."""
+    seeds: str | None = None
+    """Look at these seeds only, for example 0:10, whose end is left out."""
+    reference: str | None = None
+    """Contender against which all others are paired; by default all pairs are."""
+    view_seed: int | None = None
+    """Run this seed of each contender again and draw its map and poses from above and from the side."""
+    jobs: int = 2
+    """Processes that draw the views."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not self.folders:
+            raise UsageError("compare needs one folder or more that `sounding trials` wrote.")
+        if not 1 <= self.jobs <= 256:
+            raise UsageError(f"--jobs {self.jobs}: from 1 to 256.")
+
+    def seed_range(self) -> Container[int] | None:
+        """The seeds to look at, None for all."""
+        return None if self.seeds is None else parse_seeds(self.seeds)
+
+    def out_folder(self) -> Path:
+        """The folder asked for, or the one within the first campaign's."""
+        return self.out or self.folders[0] / "compare"

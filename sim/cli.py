@@ -96,8 +96,13 @@ def _episode(options: EpisodeOptions) -> int:
 
 def _trials(options: TrialsOptions) -> int:
     from .campaign import campaign_text, run_trials
+    from .forecast import forecast_study, forecast_text
 
     try:
+        if options.dry_run:
+            study = options.make_study()
+            print(forecast_text(study, forecast_study(study, n_jobs=options.jobs), options))
+            return 0
         summary = run_trials(options)
     except KeyboardInterrupt:
         print("sounding: interrupted; finished trials are kept, call again to go on.", file=sys.stderr)

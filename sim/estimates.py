@@ -124,6 +124,6 @@ def _mean_interval(sample: NDArray[np.float64], seed: int) -> Interval:
         n_resamples=N_RESAMPLES,
         confidence_level=CONFIDENCE,
         method="BCa",
-        random_state=np.random.default_rng(seed),
+        rng=np.random.default_rng(seed),
     )
     return float(result.confidence_interval.low), float(result.confidence_interval.high)

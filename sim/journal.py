@@ -126,8 +126,8 @@ def encoded(entry: Entry) -> bytes:
 
 def decoded(line: bytes) -> Entry | None:
     """The entry of a line, None where it is not whole."""
-    checksum, text = line[:CHECKSUM_CHARACTERS], line[CHECKSUM_CHARACTERS + 1 : -1]
-    if not line.endswith(b"\n") or checksum != b"%08x" % zlib.crc32(text):
+    start, text = line[: CHECKSUM_CHARACTERS + 1], line[CHECKSUM_CHARACTERS + 1 : -1]
+    if not line.endswith(b"\n") or start != b"%08x " % zlib.crc32(text):
         return None
     return json.loads(text)
 

@@ -24,8 +24,8 @@ ENVIRONMENT = {
     "LOKY_MAX_MEMORY_LEAK_SIZE": "2e9",  # a stage is no leak
 }
 """Of the worker processes."""
-MAX_DEATHS_IN_A_ROW = 6
-"""When processes die this often and none has ever finished a trial, they cannot run here at all."""
+MAX_FIRST_DEATHS = 4
+"""When processes die this often before any has finished a trial, they cannot run here at all."""
 
 
 class LocalEngine(Engine):
@@ -61,7 +61,7 @@ class LocalEngine(Engine):
                     self._idle.append(process)
                 except BrokenProcessPool as error:
                     outcome = self._bury(trial, process)
-                    if not has_finished_any and sum(self._n_deaths.values()) >= MAX_DEATHS_IN_A_ROW:
+                    if not has_finished_any and sum(self._n_deaths.values()) >= MAX_FIRST_DEATHS:
                         raise UsageError(f"worker processes die at once: {error}") from error
                     if outcome is None:
                         again.append(trial)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import tomllib
 from collections.abc import Mapping
@@ -115,12 +116,12 @@ class _Reader:
             raise self._error(self._guilty(values, str(error)), str(error), part=part) from error
 
     def _guilty(self, values: Mapping[str, Any], text: str) -> str:
-        """The option or value that an error's text is about."""
+        """The value that an error's text is about, or else the option."""
         for name in sorted(values, key=len, reverse=True):
-            if re.search(rf"\b{name}\b", text.replace("-", "_")):
-                found = re.search(r"(?:'([^']+)'|(?:--)?[\w-]+ ([^\s:]+):)", text)
-                value = (found[1] or found[2]) if found else None
-                return value if value and self._line(f'"{value}"', None) else name
+            if re.search(rf"(?<![a-z]){name.replace('_', '[-_]')}(?![a-z])", text):
+                told = [str(value) for value in values[name] if name != "seed"]
+                is_told = (f"{value}:" in text or repr(value) in text for value in told)
+                return next(itertools.compress(told, is_told), name)
         return ""
 
     def _expect(self, table: Mapping[str, Any], known: tuple[str, ...], part: int | None) -> None:

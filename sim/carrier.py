@@ -75,7 +75,7 @@ class ArmCarrier(Carrier):
     def prepare(self, poses: Sequence[int]) -> None:
         """See `Carrier.prepare`."""
         new = [pose for pose in dict.fromkeys(poses) if pose not in self._answers]
-        answers = self._kinematics.solve_many(self._workspace.positions_m[new], self._workspace.normals[new])
+        answers = self._kinematics.solve_many(self.workspace.positions_m[new], self.workspace.normals[new])
         self._answers.update(zip(new, answers, strict=True))
 
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
@@ -90,7 +90,7 @@ class FreeCarrier(Carrier):
 
     def __init__(self, scene: Scene, workspace: Workspace, settings: IkSettings | None = None) -> None:
         """Remember the scene's mocap probe and the workspace."""
-        self._workspace = workspace
+        self.workspace = workspace
         self._standoff_m = (settings or IkSettings()).standoff_m
         tip = scene.model.site(scene.tip_site)
         self._tip_in_body_m = scene.model.site_pos[tip.id].copy()
@@ -109,9 +109,9 @@ class FreeCarrier(Carrier):
 
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
         """See `Carrier.place`."""
-        normal = self._workspace.normals[pose]
+        normal = self.workspace.normals[pose]
         R_world_probe = _frame_along(normal)
-        tip_m = self._workspace.positions_m[pose] - (self._standoff_m if is_lifted else 0.0) * normal
+        tip_m = self.workspace.positions_m[pose] - (self._standoff_m if is_lifted else 0.0) * normal
         data.mocap_pos[0] = tip_m - R_world_probe @ self._tip_in_body_m
         mujoco.mju_mat2Quat(data.mocap_quat[0], R_world_probe.ravel())
         mujoco.mj_fwdPosition(data.model, data)

@@ -18,7 +18,7 @@ N_PROBED = 3
 """Actions of the first trial of each combination that are run to see how long they take."""
 MAX_COMBINATIONS = 12
 """Combinations that are tried; the others are taken to be like the mean of these."""
-ACTION_PARTS = ("plan_s", "ik_s", "sense_s", "update_s")
+ACTION_PARTS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
 
 
 @dataclass(frozen=True)

@@ -175,6 +175,18 @@ class EpisodeOptions:
             exclude_sensed=not self.ei_reuse_poses,
         )
 
+    def check(self) -> None:
+        """Nothing, if all parts can be made; called early, before much is built.
+
+        Raises:
+            UsageError, PlannerError: A value is out of range.
+        """
+        self.make_scenario()
+        self.make_planner()
+        self.make_map_settings()
+        self.make_motion_settings()
+        self.make_servo_settings()
+
     def keeps_map(self) -> bool:
         """Whether the episode keeps a map."""
         return self.map == "always" or self.make_planner().needs_belief

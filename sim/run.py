@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from mapping import MapMetrics
+from planner import Planner
 
 from .episode import Episode, Step
 from .frames import FrameWriter
@@ -72,6 +73,33 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     return arm_named(options.arm, options.flange)
 
 
+def make_episode(
+    options: EpisodeOptions, stage: Stage, *, planner: Planner | None = None, casts_rays: bool = True
+) -> Episode:
+    """The episode that the options describe.
+
+    Args:
+        options: What to run.
+        stage: The options' stage.
+        planner: One that ranks as the options' planner does, in its place.
+        casts_rays: Whether readings hold points; see `Episode`.
+
+    Raises:
+        UsageError, WorldError, PlannerError: Something asked for cannot be done.
+    """
+    motion_settings = options.make_motion_settings()
+    return Episode(
+        stage,
+        planner or options.make_planner(),
+        seed=options.seed,
+        map_settings=options.make_map_settings(),
+        mover=make_mover(stage, options.motion, motion_settings, options.make_servo_settings()),
+        sensing_s=motion_settings.sensing_s,
+        has_map=options.keeps_map(),
+        casts_rays=casts_rays,
+    )
+
+
 def run_episode(
     options: EpisodeOptions, *, stage: Stage | None = None, show_progress: bool = True
 ) -> dict[str, Any]:
@@ -90,23 +118,14 @@ def run_episode(
     scenario = options.make_scenario()
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
-    planner, map_settings = options.make_planner(), options.make_map_settings()
-    motion_settings, servo_settings = options.make_motion_settings(), options.make_servo_settings()
+    map_settings = options.make_map_settings()
+    options.check()
     with (
         threadpool_limits(limits=1),
         ExitStack() as stack,
     ):  # two BLAS pools on two threads fight; and bytes repeat
         stage = stage or build_stage(scenario, arm_model(options), map_settings)
-        mover = make_mover(stage, options.motion, motion_settings, servo_settings)
-        episode = Episode(
-            stage,
-            planner,
-            seed=options.seed,
-            map_settings=map_settings,
-            mover=mover,
-            sensing_s=motion_settings.sensing_s,
-            has_map=options.keeps_map(),
-        )
+        episode = make_episode(options, stage)
         renderer = None
         if options.frames != "none":
             renderer = stack.enter_context(SceneRenderer(episode.truth.scene))

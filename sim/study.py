@@ -88,7 +88,7 @@ class Part:
             if len(set(map(str, values))) < len(values):
                 raise UsageError(f"{name}: a value is given twice.")
         for options in self.combinations():
-            _check(options)
+            options.check()
 
     @property
     def seeds(self) -> Values:
@@ -192,13 +192,6 @@ def parse_seeds(value: Any) -> Values:
     if not len(seeds):
         raise UsageError(f"seeds {value!r}: the end must lie above the first.")
     return seeds
-
-
-def _check(options: EpisodeOptions) -> None:
-    """Raise where a combination cannot be run."""
-    options.make_scenario()
-    options.make_planner()
-    options.make_map_settings()
 
 
 def _slowness(name: str) -> tuple[int, int]:

@@ -20,7 +20,7 @@ from mapping import precision_recall_curve
 from .episode import Episode
 from .options import EpisodeOptions
 from .rehearsal import Rehearsal
-from .run import Tally, arm_model, episode_summary, run_episode
+from .run import Tally, arm_model, episode_summary, make_episode, run_episode
 from .stage import Stage, build_stage
 from .trial_result import RECALL_LEVELS, TrialResult
 
@@ -55,14 +55,8 @@ def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
         write_trial_folder(options)
     setup_start_s = perf_counter()
     planner = options.make_planner()
-    episode = Episode(
-        stage,
-        planner if planner.needs_belief else Rehearsal(planner, stage.carrier),
-        seed=options.seed,
-        map_settings=options.make_map_settings(),
-        has_map=options.keeps_map(),
-        casts_rays=options.keeps_map(),
-    )
+    ahead = planner if planner.needs_belief else Rehearsal(planner, stage.carrier)
+    episode = make_episode(options, stage, planner=ahead, casts_rays=options.keeps_map())
     setup_s = perf_counter() - setup_start_s
     tally = Tally()
     for step in episode.steps(options.steps, until_sensed=options.until_sensed):

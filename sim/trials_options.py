@@ -11,7 +11,7 @@ import tyro
 
 from .engine import EngineName
 from .errors import UsageError
-from .options import MapKept
+from .options import MapKept, MotionKind
 from .study import Part, Study, option_value, parse_seeds
 from .study_file import load_study
 
@@ -41,6 +41,8 @@ class TrialsOptions:
     """Sensing actions at most."""
     until_sensed: float | None = None
     """Stop an episode as soon as this share of the tumours was sensed, for example 0.95."""
+    motion: MotionKind | None = None
+    """How the arm gets from pose to pose: kinematic (default), servo, or none, which jumps and is far faster."""
     map: MapKept | None = None
     """Whether planners that need no map keep one. By default they do not where --until-sensed ends the episodes: then
     only the share sensed is asked."""
@@ -97,7 +99,7 @@ class TrialsOptions:
         given: dict[str, Any] = {
             name: tuple(getattr(self, name)) for name in ("scenario", "planner", "arm") if getattr(self, name)
         }
-        for name in ("steps", "until_sensed", "map"):
+        for name in ("steps", "until_sensed", "motion", "map"):
             if getattr(self, name) is not None:
                 given[name] = (option_value(name, getattr(self, name)),)
         if self.trials is not None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Iterator
-from dataclasses import dataclass
+from time import perf_counter
 from typing import ClassVar
 
 from planner import Planner, Situation
@@ -21,20 +21,25 @@ N_AHEAD = 32
 """Poses asked for together: more would cost little less each, and more of them in vain where an episode ends."""
 
 
-@dataclass(frozen=True)
 class Rehearsal(Planner):
     """Ranks as its planner does, and has the carrier prepare the poses that will come."""
 
     needs_belief: ClassVar[bool] = False
 
-    planner: Planner
-    carrier: Carrier
+    def __init__(self, planner: Planner, carrier: Carrier) -> None:
+        """Rank as `planner`, which needs no belief, and prepare on `carrier`."""
+        self._planner, self._carrier = planner, carrier
+        self.prepare_s = 0.0
+        """Time that the carrier took to prepare poses [s]."""
 
     def rank(self, situation: Situation) -> Iterator[int]:
         """The planner's own ranking."""
-        for pose in self.planner.rank(situation):
-            if not self.carrier.is_prepared(pose):
-                self.carrier.prepare([pose, *self._next_poses(situation, pose)])
+        for pose in self._planner.rank(situation):
+            if not self._carrier.is_prepared(pose):
+                poses = [pose, *self._next_poses(situation, pose)]
+                start_s = perf_counter()
+                self._carrier.prepare(poses)
+                self.prepare_s += perf_counter() - start_s
             yield pose
 
     def _next_poses(self, situation: Situation, pose: int) -> list[int]:
@@ -43,7 +48,7 @@ class Rehearsal(Planner):
         ahead: list[int] = []
         while len(ahead) < N_AHEAD - 1:
             later = dataclasses.replace(situation, sensed=(*situation.sensed, pose, *ahead), rng=rng)
-            first = next(iter(self.planner.rank(later)), None)
+            first = next(iter(self._planner.rank(later)), None)
             if first is None:
                 break
             ahead.append(first)

@@ -67,6 +67,8 @@ def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
         key: _plain(value) for key, value in summary.items() if key not in measured
     }
     timings = tally.seconds() | {"setup_s": setup_s, "stage_s": stage_s} | _costs(start_s)
+    if isinstance(ahead, Rehearsal):  # solved while the planner ranked
+        timings |= {"plan_s": timings["plan_s"] - ahead.prepare_s, "ik_s": timings["ik_s"] + ahead.prepare_s}
     return TrialResult(row, timings, _curves(episode, tally))
 
 

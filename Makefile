@@ -1,4 +1,4 @@
-# make episode, make test, make check: each sets up .venv first. `make help` lists all.
+# make episode, make paper, make test, make check: each sets up .venv first. `make help` lists all.
 
 SCENARIO ?= liver
 PLANNER ?= expected-improvement
@@ -8,14 +8,16 @@ ARM ?= default
 FRAMES ?= each
 OUT ?= renders/$(notdir $(basename $(SCENARIO)))-$(PLANNER)-$(SEED)
 ARGS ?=
+JOBS ?= 2
 TESTS ?=
 
-.PHONY: help setup setup-dev episode doctor test check format clean
+.PHONY: help setup setup-dev episode paper doctor test check format clean
 
 help:
 	@echo "make episode   set up, then run one episode; ends with its folder and results"
 	@echo "               SCENARIO=liver|sphere|spheres|FILE.toml PLANNER=expected-improvement|random|multi-resolution"
 	@echo "               STEPS=30 SEED=0 ARM=default|none|FILE.xml FRAMES=each|last|none OUT=folder ARGS='more options'"
+	@echo "make paper     run the paper's experiments and write docs/results.md and its figures (JOBS=2 processes)"
 	@echo "make doctor    what is installed, what renders, and what to do about each red line"
 	@echo "make test      set up what is missing and run the tests (TESTS='tests/test_cone.py -k volume' for some)"
 	@echo "make check     linter, formatter and type checker"
@@ -32,6 +34,12 @@ setup-dev:
 episode: setup
 	@.venv/bin/sounding episode --scenario $(SCENARIO) --planner $(PLANNER) --steps $(STEPS) --seed $(SEED) \
 		--arm $(ARM) --frames $(FRAMES) --out $(OUT) $(if $(filter file,$(origin OUT)),--overwrite) $(ARGS)
+
+# Goes on where it was stopped; after a change of the code, ARGS=--overwrite begins anew.
+paper:
+	@FRAMES=none sh .ci/setup
+	@.venv/bin/sounding trials --study paper --jobs $(JOBS) --out renders/paper $(ARGS)
+	@.venv/bin/python -m benchmarks.paper --jobs $(JOBS)
 
 doctor:
 	@FRAMES=none sh .ci/setup

@@ -40,7 +40,7 @@ class MultiResolution(Planner):
             is_left = is_available[order]
             starts = _starts_of_runs(cells[is_left])
             if n_left < len(starts):
-                yield from np.roll(order[is_left], -starts[n_left]).tolist()
+                yield from map(int, np.roll(order[is_left], -starts[n_left]))
                 return
             n_left -= len(starts)
 

@@ -24,4 +24,4 @@ class RandomOrder(Planner):
 def random_order(situation: Situation) -> Iterator[int]:
     """Every pose neither sensed nor skipped, in an order drawn from the situation's generator."""
     remaining = np.flatnonzero(situation.available(exclude_sensed=True))
-    yield from situation.rng.permutation(remaining).tolist()
+    yield from map(int, situation.rng.permutation(remaining))  # lazily: few are asked for

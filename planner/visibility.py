@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from .cone import Cone
 from .workspace import Workspace
 
-_POINTS_AT_ONCE = 256
+_POINTS_AT_ONCE = 16
 """Points per block of the dense table, so that its parts stay in the processor's cache."""
 _POSES_AT_ONCE = 512
 """Poses per block of `visible_points`; a point drops out with the first block that sees it."""

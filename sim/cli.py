@@ -15,6 +15,7 @@ from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
 from .replay_options import ReplayOptions
+from .trials_options import CompareOptions, TrialsOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
@@ -28,6 +29,8 @@ class DoctorOptions:
 
 COMMANDS = {
     "episode": EpisodeOptions,
+    "trials": TrialsOptions,
+    "compare": CompareOptions,
     "reach": ReachOptions,
     "ik": IkOptions,
     "replay": ReplayOptions,
@@ -54,6 +57,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _ik(options)
         if isinstance(options, ReplayOptions):
             return _replay(options)
+        if isinstance(options, TrialsOptions):
+            return _trials(options)
+        if isinstance(options, CompareOptions):
+            return _compare(options)
         return _episode(options)
     except (UsageError, WorldError, PlannerError) as error:
         print(f"sounding: {error}", file=sys.stderr)
@@ -84,6 +91,32 @@ def _episode(options: EpisodeOptions) -> int:
         )
         return EXIT_INTERRUPTED
     print(episode_table(summary))
+    return 0
+
+
+def _trials(options: TrialsOptions) -> int:
+    from .campaign import campaign_text, run_trials
+    from .forecast import forecast_study, forecast_text
+
+    try:
+        if options.dry_run:
+            study = options.make_study()
+            print(forecast_text(study, forecast_study(study, n_jobs=options.jobs), options))
+            return 0
+        summary = run_trials(options)
+    except KeyboardInterrupt:
+        print("sounding: interrupted; finished trials are kept, call again to go on.", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    print(campaign_text(summary))
+    return EXIT_INTERRUPTED if summary.is_interrupted else 0
+
+
+def _compare(options: CompareOptions) -> int:
+    from .compare import run_compare
+
+    summary = run_compare(options)
+    print(summary.text)
+    print(f"written to {summary.folder}, with {len(summary.figures)} figures")
     return 0
 
 

@@ -69,6 +69,7 @@ class Episode:
         mover: Mover | None = None,
         sensing_s: float = MotionSettings().sensing_s,
         has_map: bool = True,
+        casts_rays: bool = True,
     ) -> None:
         """Make the truth of the seed and the prior map.
 
@@ -81,6 +82,8 @@ class Episode:
             mover: Moves the probe between poses, for this episode alone; one that jumps by default.
             sensing_s: Modelled time of a sensing action.
             has_map: Whether a map is kept; only planners that need no belief can go without.
+            casts_rays: Whether readings hold points. Without a map nothing but the share sensed is asked of a
+                reading, and for that where the tip is suffices.
 
         Raises:
             ValueError: A planner that needs a belief without a map, or a negative seed.
@@ -90,12 +93,15 @@ class Episode:
             raise ValueError(f"seed={seed}: must be 0 or more.")
         if planner.needs_belief and not has_map:
             raise ValueError(f"{type(planner).__name__} needs a belief: has_map must be True.")
+        if has_map and not casts_rays:
+            raise ValueError("A map needs readings: casts_rays must be True.")
         truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
         self.stage, self.planner = stage, planner
         self.truth: Truth = make_truth(stage, truth_rng)
         self.data: mujoco.MjData = self.truth.scene.new_data()
         self.hilbert_map = _prior_map(stage, map_settings or MapSettings()) if has_map else None
         self.prediction: Prediction | None = None
+        self._casts_rays = casts_rays
         self._probe = Probe(self.truth.scene, probe_settings)
         self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
@@ -129,7 +135,7 @@ class Episode:
         if chosen is None:
             return None
         pose, answer, motion = chosen
-        reading = self._probe.sense(self.data, self._sensor_rng)
+        reading = self._read()
         self._note_sensed(reading)
         sensed_s = perf_counter()
         auprc = self._update(reading)
@@ -185,6 +191,11 @@ class Episode:
             skipped=frozenset(self.skipped),
             rng=self._planner_rng,
         )
+
+    def _read(self) -> Reading:
+        if self._casts_rays:
+            return self._probe.sense(self.data, self._sensor_rng)
+        return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._probe.tip_pose(self.data))
 
     def _note_sensed(self, reading: Reading) -> None:
         """Mark the detection points that lie in the cone that was really cast."""

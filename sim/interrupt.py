@@ -19,9 +19,13 @@ class NotedInterrupt:
     Outside the main thread, where Python lets nobody handle signals, it does nothing.
     """
 
-    def __init__(self) -> None:
-        """Not interrupted yet."""
+    def __init__(
+        self,
+        notice: str = "stopping after this action, whose results are kept; Ctrl-C again stops at once.",
+    ) -> None:
+        """Not interrupted yet; `notice` is printed when that changes."""
         self.is_set = False
+        self._notice = notice
         self._before: Any = None
 
     def __enter__(self) -> NotedInterrupt:
@@ -34,10 +38,7 @@ class NotedInterrupt:
         if self.is_set:
             raise KeyboardInterrupt
         self.is_set = True
-        print(
-            "\nstopping after this action, whose results are kept; Ctrl-C again stops at once.",
-            file=sys.stderr,
-        )
+        print(f"\n{self._notice}", file=sys.stderr)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -20,6 +20,7 @@ from .world.servo_settings import ServoSettings
 
 Frames = Literal["each", "last", "none"]
 MotionKind = Literal["none", "kinematic", "servo"]
+MapKept = Literal["always", "when-needed"]
 PLANNERS = ", ".join(planner_names())
 
 
@@ -85,6 +86,9 @@ class EpisodeOptions:
     """Half-angle of the probe's cone [degrees]; the scenario's by default: 11.5, for the liver 15."""
     cone_depth_mm: float | None = None
     """Depth of the probe's cone [mm]; the scenario's by default: 102, for the liver 130."""
+    map: MapKept = "always"
+    """when-needed leaves the map out where the planner needs none: far faster, and only the share of the tumours
+    sensed is scored."""
     map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
     map_settings: Literal["paper", "calibrated"] = "paper"
@@ -175,6 +179,22 @@ class EpisodeOptions:
             exclusion_share=self.ei_exclusion_share,
             exclude_sensed=not self.ei_reuse_poses,
         )
+
+    def check(self) -> None:
+        """Nothing, if all parts can be made; called early, before much is built.
+
+        Raises:
+            UsageError, PlannerError: A value is out of range.
+        """
+        self.make_scenario()
+        self.make_planner()
+        self.make_map_settings()
+        self.make_motion_settings()
+        self.make_servo_settings()
+
+    def keeps_map(self) -> bool:
+        """Whether the episode keeps a map."""
+        return self.map == "always" or self.make_planner().needs_belief
 
     def make_map_settings(self) -> MapSettings:
         """The map's settings."""

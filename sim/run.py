@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from mapping import MapMetrics
+from planner import Planner
 
 from .arms import arm_named
 from .episode import Episode, Step
@@ -72,8 +73,42 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
 
 
-def run_episode(options: EpisodeOptions) -> dict[str, Any]:
+def make_episode(
+    options: EpisodeOptions, stage: Stage, *, planner: Planner | None = None, casts_rays: bool = True
+) -> Episode:
+    """The episode that the options describe.
+
+    Args:
+        options: What to run.
+        stage: The options' stage.
+        planner: One that ranks as the options' planner does, in its place.
+        casts_rays: Whether readings hold points; see `Episode`.
+
+    Raises:
+        UsageError, WorldError, PlannerError: Something asked for cannot be done.
+    """
+    motion_settings = options.make_motion_settings()
+    return Episode(
+        stage,
+        planner or options.make_planner(),
+        seed=options.seed,
+        map_settings=options.make_map_settings(),
+        mover=make_mover(stage, options.motion, motion_settings, options.make_servo_settings()),
+        sensing_s=motion_settings.sensing_s,
+        has_map=options.keeps_map(),
+        casts_rays=casts_rays,
+    )
+
+
+def run_episode(
+    options: EpisodeOptions, *, stage: Stage | None = None, show_progress: bool = True
+) -> dict[str, Any]:
     """Run an episode and write its folder; returns the summary.
+
+    Args:
+        options: What to run.
+        stage: The options' stage, where the caller has it already.
+        show_progress: Draw a progress bar and print notes on stderr.
 
     Raises:
         UsageError, WorldError, PlannerError: Something asked for cannot be done; nothing was written then.
@@ -83,32 +118,24 @@ def run_episode(options: EpisodeOptions) -> dict[str, Any]:
     scenario = options.make_scenario()
     out = options.out_folder(scenario)
     check_out_folder(out, overwrite=options.overwrite)
-    planner, map_settings = options.make_planner(), options.make_map_settings()
-    motion_settings, servo_settings = options.make_motion_settings(), options.make_servo_settings()
+    map_settings = options.make_map_settings()
+    options.check()
     with (
         threadpool_limits(limits=1),
         ExitStack() as stack,
     ):  # two BLAS pools on two threads fight; and bytes repeat
-        stage = build_stage(scenario, arm_model(options), map_settings)
-        mover = make_mover(stage, options.motion, motion_settings, servo_settings)
-        episode = Episode(
-            stage,
-            planner,
-            seed=options.seed,
-            map_settings=map_settings,
-            mover=mover,
-            sensing_s=motion_settings.sensing_s,
-        )
+        stage = stage or build_stage(scenario, arm_model(options), map_settings)
+        episode = make_episode(options, stage)
         renderer = None
         if options.frames != "none":
             renderer = stack.enter_context(SceneRenderer(episode.truth.scene))
         folder = stack.enter_context(RunFolder(out, overwrite=options.overwrite))
         folder.begin(_config(options, stage, map_settings), {"seed": options.seed})
         write_anatomy(folder, episode.truth.anatomy)
-        for notice in (*stage.notices, *episode.truth.anatomy.notices):
+        for notice in (*stage.notices, *episode.truth.anatomy.notices) if show_progress else ():
             print(f"note: {notice}", file=sys.stderr)
         interrupt = stack.enter_context(NotedInterrupt())
-        return _record(episode, options, folder, renderer, interrupt, start_s)
+        return _record(episode, options, folder, renderer, interrupt, start_s, show_progress)
 
 
 def _record(
@@ -118,6 +145,7 @@ def _record(
     renderer: SceneRenderer | None,
     interrupt: NotedInterrupt,
     start_s: float,
+    show_progress: bool,
 ) -> dict[str, Any]:
     """Run the loop, writing as it goes, and close the folder whatever ends it."""
     tally, setup_s, status = Tally(), perf_counter() - start_s, "finished"
@@ -125,7 +153,9 @@ def _record(
     if renderer is not None:
         (folder.path / "frames").mkdir(exist_ok=True)
         frames = FrameWriter(folder.path / "frames", renderer, episode)
-    progress = tqdm(total=options.steps, desc="sensing", unit="action", mininterval=0.5)
+    progress = tqdm(
+        total=options.steps, desc="sensing", unit="action", mininterval=0.5, disable=not show_progress
+    )
     render_s = 0.0
     try:
         for step in episode.steps(options.steps, until_sensed=options.until_sensed):
@@ -152,7 +182,7 @@ def _record(
             if options.frames == "last" and tally.steps:
                 frames.write("final.png", tally.steps[-1])
             frames.close()
-        summary = _summary(options, episode, tally, episode.metrics())
+        summary = episode_summary(options, episode, tally, episode.metrics())
         summary |= {
             "folder": str(folder.path),
             "status": status,
@@ -249,9 +279,10 @@ def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
     )
 
 
-def _summary(
+def episode_summary(
     options: EpisodeOptions, episode: Episode, tally: Tally, metrics: MapMetrics | None
 ) -> dict[str, Any]:
+    """What an episode came to, as `summary.json` and the rows of trials have it."""
     last = tally.steps[-1] if tally.steps else None
     tumour_of = episode.truth.anatomy.tumour_of(episode.stage.search_points_m)
     return {

@@ -58,8 +58,28 @@ class Kinematics:
         Raises:
             ValueError: A pose that is not finite, or a normal that is not of unit length.
         """
-        position_m, normal = _checked_pose(position_m, normal)
-        found = self.search.search(position_m[None], normal[None]).results[0]
+        return self.solve_many(np.asarray(position_m)[None], np.asarray(normal)[None])[0]
+
+    def solve_many(self, positions_m: NDArray[np.float64], normals: NDArray[np.float64]) -> list[IkResult]:
+        """The answers to many poses, each as `solve` gives it, in far less time than one after the other.
+
+        Args:
+            positions_m: Where the tip touches, world frame [m], shape (N, 3).
+            normals: Inward unit normals, shape (N, 3).
+
+        Raises:
+            ValueError: A pose that is not finite, or a normal that is not of unit length.
+        """
+        poses = [_checked_pose(*pose) for pose in zip(positions_m, normals, strict=True)]
+        if not poses:
+            return []
+        found = self.search.search(*(np.array(part) for part in zip(*poses, strict=True))).results
+        return [self._finished(result, *pose) for result, pose in zip(found, poses, strict=True)]
+
+    def _finished(
+        self, found: IkResult, position_m: NDArray[np.float64], normal: NDArray[np.float64]
+    ) -> IkResult:
+        """The search's answer within the tolerances, or why there is none."""
         if not found.is_reached:
             return found
         if (polished := self._polished(found, position_m, normal)) is not None:

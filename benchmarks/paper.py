@@ -1,0 +1,135 @@
+"""The paper's tables and figures beside its numbers: `make paper`, or `python -m benchmarks.paper --help`.
+
+Takes the campaign of the study `paper`, and rewrites the part of docs/results.md between its markers.
+"""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from sim.compare import FIGURES, draw_views, run_compare, slug
+from sim.comparison import Comparison, compare_groups
+from sim.comparison_tables import interval_text, pair_table, table
+from sim.trial_groups import load_groups
+from sim.trials_options import CompareOptions
+
+ROOT = Path(__file__).resolve().parents[1]
+BEGIN, END = "<!-- begin: written by make paper -->", "<!-- end: written by make paper -->"
+PLANNERS = ("expected-improvement", "random", "multi-resolution")
+PAPER_SENSINGS = {
+    "expected-improvement": "25.5 ± 9.0",
+    "random": "258.8 ± 156.7",
+    "multi-resolution": "172.2 ± 84.7",
+}
+PAPER_AUPRC = {"spheres": (50, "0.88"), "liver": (30, "0.84 on its own patient")}
+SPHERE, SPHERE_ARM = "sphere, arm none", "sphere, arm default"
+VIEWS = ((SPHERE, 0), ("spheres, arm none", 4), ("liver, arm none", 4))
+"""Cases and seeds of the views: the paper shows its first and its fifth trial."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Write the results of the study `paper`."""
+
+    campaign: Path = Path("renders/paper")
+    """Folder of its campaign."""
+    figures: Path = ROOT / "renders" / "curated" / "paper"
+    """Folder for the figures that the page shows."""
+    page: Path = ROOT / "docs" / "results.md"
+    """The page whose part between the markers is rewritten."""
+    views: bool = True
+    """Also run one seed of each method again for the views of its map."""
+    jobs: int = 2
+
+
+def main(options: Options) -> None:
+    """Compare, draw and write."""
+    run_compare(CompareOptions(folders=(options.campaign,)))
+    everything = compare_groups(load_groups([options.campaign]))
+    ten = compare_groups(load_groups([options.campaign], seeds=range(10)))
+    options.figures.mkdir(parents=True, exist_ok=True)
+    for case in everything.cases:
+        for name, draw in FIGURES.items():
+            draw(options.figures / f"{name}-{slug(case)}.png", everything, case)
+    FIGURES["sensings"](options.figures / "sensings-ten.png", ten, SPHERE)
+    if options.views:
+        write_views(options, everything)
+    text = "\n\n".join([scenario_1(ten, everything), *(accuracy(everything, name) for name in PAPER_AUPRC)])
+    page = options.page.read_text(encoding="utf-8")
+    before, after = page.split(BEGIN)[0], page.split(END)[1]
+    options.page.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
+    print(text)
+    print(f"\nwritten to {options.page} and {options.figures}; all tables are in {options.campaign}/compare")
+
+
+def scenario_1(ten: Comparison, everything: Comparison) -> str:
+    """The table of sensings until 95 %, and the pairs."""
+    rows = []
+    for planner in PLANNERS:
+        cells = [sensings_text(part, case, planner) for part, case in ((ten, SPHERE), (everything, SPHERE))]
+        rows.append((planner, PAPER_SENSINGS[planner], *cells, sensings_text(ten, SPHERE_ARM, planner)))
+    head = ("method", "paper, 10 trials", "here, seeds 0-9", "here, seeds 0-99", "with the arm, seeds 0-9")
+    pairs = [p for p in everything.pairings if p.case == SPHERE and p.measure.key == "sensings_to_95"]
+    return "\n\n".join(
+        [
+            "### Scenario 1: sensing actions until 95 % of the tumour was sensed",
+            "Mean ± standard deviation, [95 % interval of the mean], median.",
+            table(head, rows),
+            "Pairs on the same 100 tumours, first minus second:",
+            pair_table(pairs),
+        ]
+    )
+
+
+def sensings_text(comparison: Comparison, case: str, planner: str) -> str:
+    """One method's cell."""
+    score = comparison.score(case, planner, "sensings_to_95")
+    if score is None:
+        return "–"
+    estimate = score.estimate
+    never = f", {score.n_never} never" if score.n_never else ""
+    spread = f"{estimate.mean:.1f} ± {estimate.deviation:.1f} {interval_text(estimate.interval, '{:.1f}')}"
+    return f"{spread}, median {score.median:g}{never}"
+
+
+def accuracy(comparison: Comparison, scenario: str) -> str:
+    """The table of the AUPRC at the end of one scenario."""
+    n_actions, paper = PAPER_AUPRC[scenario]
+    rows = []
+    for planner in PLANNERS:
+        cells = []
+        for arm in ("none", "default"):
+            score = comparison.score(f"{scenario}, arm {arm}", planner, "auprc")
+            interval = interval_text(score.estimate.interval, "{:.3f}") if score else ""
+            cells.append(
+                f"{score.estimate.mean:.3f} ± {score.estimate.deviation:.3f} {interval}" if score else "–"
+            )
+        rows.append((planner, paper if planner == "expected-improvement" else "–", *cells))
+    name = {"spheres": "Scenario 2", "liver": "The liver"}[scenario]
+    pairs = [p for p in comparison.pairings if p.case == f"{scenario}, arm none" and p.measure.key == "auprc"]
+    return "\n\n".join(
+        [
+            f"### {name}: AUPRC after {n_actions} sensing actions",
+            "Mean ± standard deviation over 10 seeds, [95 % interval of the mean].",
+            table(("method", "paper", "here, free probe", "here, with the arm"), rows),
+            "Pairs on the same tumours, without the arm:",
+            pair_table(pairs),
+        ]
+    )
+
+
+def write_views(options: Options, comparison: Comparison) -> None:
+    """Top and side views of the final maps of one seed per case."""
+    for case, seed in VIEWS:
+        groups = [g for g in comparison.groups_of(case) if case == SPHERE or g.contender == PLANNERS[0]]
+        part = Comparison(tuple(groups), (), ())
+        for path in draw_views(options.campaign / "views", part, seed, options.jobs):
+            shutil.copyfile(path, options.figures / f"{path.stem}-{path.parent.name}.png")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

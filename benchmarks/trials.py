@@ -1,0 +1,99 @@
+"""How fast trials run, and on what the time goes: `python -m benchmarks.trials`.
+
+Runs trials of the paper's scenario 1 in this process, which is one core, and then a campaign with 1 and 2 processes.
+CPU time says what a quiet machine would take; wall time what this one took.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter, process_time
+
+import tyro
+
+from sim.campaign import run_trials
+from sim.comparison_tables import table
+from sim.options import EpisodeOptions
+from sim.trial import run_trial
+from sim.trials_options import TrialsOptions
+
+PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s")
+CASES = (
+    ("expected-improvement", "none", "none"),
+    ("random", "none", "none"),
+    ("multi-resolution", "none", "none"),
+    ("expected-improvement", "default", "none"),
+    ("expected-improvement", "default", "kinematic"),
+    ("random", "default", "none"),
+    ("random", "default", "kinematic"),
+    ("multi-resolution", "default", "none"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Measure trials of scenario 1 until 95 % is sensed."""
+
+    trials: int = 10
+    """Seeds of each case; an arm is built anew for each case, with no pose solved before."""
+    jobs: bool = True
+    """Also measure campaigns with 1 and 2 processes."""
+
+
+def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
+    """A row: actions per second of CPU and of wall time, and the share of each part."""
+    options = EpisodeOptions(
+        scenario="sphere",
+        planner=planner,
+        arm=arm,
+        motion=motion,
+        steps=2000,
+        until_sensed=0.95,
+        map="when-needed",
+    )
+    run_trial(replace(options, scenario="spheres", steps=1))  # drops the stage of the case before
+    run_trial(replace(options, steps=1, seed=10_000))  # builds the stage
+    n_actions, parts, memory_mb = 0, dict.fromkeys(PARTS, 0.0), 0.0
+    cpu_start_s, wall_start_s = process_time(), perf_counter()
+    for seed in range(n_trials):
+        result = run_trial(replace(options, seed=seed))
+        n_actions += result.row["n_sensings"]
+        memory_mb = result.timings["peak_memory_mb"]
+        for part in PARTS:
+            parts[part] += result.timings[part]
+    cpu_s, wall_s = process_time() - cpu_start_s, perf_counter() - wall_start_s
+    shares = [f"{parts[part] / wall_s:.0%}" for part in PARTS]
+    speeds = [f"{n_actions / cpu_s:.1f}", f"{n_actions / wall_s:.1f}"]
+    return [planner, arm, motion, str(n_actions), *speeds, *shares, f"{memory_mb:.0f}"]
+
+
+def measure_jobs(n_jobs: int, folder: Path, n_trials: int = 60) -> float:
+    """Trials per second of a campaign, the start of its processes included."""
+    options = TrialsOptions(
+        scenario=("sphere",),
+        planner=("expected-improvement",),
+        arm=("none",),
+        steps=10,
+        trials=n_trials,
+        out=folder / str(n_jobs),
+        jobs=n_jobs,
+    )
+    start_s = perf_counter()
+    run_trials(options)
+    return n_trials / (perf_counter() - start_s)
+
+
+def main(options: Options) -> None:
+    """Measure and print."""
+    head = ("planner", "arm", "motion", "actions", "actions/CPU s", "actions/s", *PARTS, "MB")
+    print(table(head, [measure(*case, options.trials) for case in CASES]))
+    if options.jobs:
+        with tempfile.TemporaryDirectory() as folder:
+            one, two = (measure_jobs(n_jobs, Path(folder)) for n_jobs in (1, 2))
+        print(f"trials/s with 1 process {one:.2f}, with 2 {two:.2f}: {two / one:.2f} times")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

@@ -1,0 +1,154 @@
+"""A comparison as tables: Markdown for people, CSV for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from .comparison import SENSINGS, Comparison, Pairing, Score
+from .estimates import Interval
+
+SCORE_HEAD = ("contender", "trials", "mean ± sd", "95 % interval", "median [95 %]", "never", "failed")
+PAIR_HEAD = ("pair", "seeds", "mean difference [95 %]", "wins / ties / losses", "win rate [95 %]")
+
+
+def markdown(comparison: Comparison, notes: Sequence[str] = ()) -> str:
+    """All tables, case by case."""
+    parts = ["# Comparison", *notes]
+    for case in comparison.cases:
+        parts += [f"## {case}", *_failures(comparison, case)]
+        scores = [score for score in comparison.scores if score.case == case]
+        pairings = [pairing for pairing in comparison.pairings if pairing.case == case]
+        for measure in dict.fromkeys(score.measure for score in scores):
+            better = "lower" if measure.lower_is_better else "higher"
+            parts.append(f"### {measure.label} ({better} is better)")
+            mine = [score for score in scores if score.measure == measure]
+            parts.append(score_table(mine))
+            if math.isfinite(mine[0].horizon):
+                parts.append(
+                    f"Not every trial got there. Means are restricted to {mine[0].horizon:.0f} actions: a trial that "
+                    "needs more, or never gets there, counts with that number. Medians are of all trials."
+                )
+            pairs = [pairing for pairing in pairings if pairing.measure == measure]
+            if pairs:
+                parts.append(pair_table(pairs))
+    return "\n\n".join(parts) + "\n"
+
+
+def score_table(scores: Sequence[Score]) -> str:
+    """Scores by one measure as a Markdown table."""
+    rows = []
+    for score in scores:
+        form, estimate = score.measure.form, score.estimate
+        never = f"{score.n_never} of {estimate.n}" if score.measure is SENSINGS else "–"
+        rows.append(
+            (
+                score.contender,
+                str(estimate.n),
+                f"{form.format(estimate.mean)} ± {_number(estimate.deviation, form)}",
+                interval_text(estimate.interval, form),
+                f"{_number(score.median, form)} {interval_text(score.median_interval, form)}",
+                never,
+                str(score.n_failed),
+            )
+        )
+    return table(SCORE_HEAD, rows)
+
+
+def pair_table(pairings: Sequence[Pairing]) -> str:
+    """Pairings by one measure as a Markdown table; differences are first minus second."""
+    rows = []
+    for pairing in pairings:
+        form, estimate = pairing.measure.form, pairing.estimate
+        difference = estimate.difference
+        n_losses = estimate.n - estimate.n_wins - estimate.n_ties
+        rows.append(
+            (
+                f"{pairing.first} − {pairing.second}",
+                str(estimate.n),
+                f"{form.format(difference.mean)} {interval_text(difference.interval, form)}",
+                f"{estimate.n_wins} / {estimate.n_ties} / {n_losses}",
+                f"{estimate.win_rate:.0%} {interval_text(estimate.win_interval, '{:.0%}')}",
+            )
+        )
+    return table(PAIR_HEAD, rows)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table with aligned columns."""
+    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
+    lines = [head, ["-" * width for width in widths], *rows]
+    return "\n".join(
+        "| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) + " |"
+        for line in lines
+    )
+
+
+def interval_text(interval: Interval, form: str) -> str:
+    """An interval in brackets, a dash where there is none."""
+    if math.isnan(interval[0]):
+        return "[–]"
+    return f"[{_number(interval[0], form)}, {_number(interval[1], form)}]"
+
+
+def flat_rows(comparison: Comparison) -> list[dict[str, Any]]:
+    """Scores and pairings as rows of one CSV file, with all their digits."""
+    scores = [
+        {
+            "case": score.case,
+            "measure": score.measure.key,
+            "contender": score.contender,
+            "against": "",
+            "n": score.estimate.n,
+            "mean": score.estimate.mean,
+            "deviation": score.estimate.deviation,
+            "low": score.estimate.interval[0],
+            "high": score.estimate.interval[1],
+            "median": score.median,
+            "median_low": score.median_interval[0],
+            "median_high": score.median_interval[1],
+            "horizon": score.horizon,
+            "n_never": score.n_never,
+            "n_failed": score.n_failed,
+        }
+        for score in comparison.scores
+    ]
+    pairs = [
+        {
+            "case": pairing.case,
+            "measure": pairing.measure.key,
+            "contender": pairing.first,
+            "against": pairing.second,
+            "n": pairing.estimate.n,
+            "mean": pairing.estimate.difference.mean,
+            "deviation": pairing.estimate.difference.deviation,
+            "low": pairing.estimate.difference.interval[0],
+            "high": pairing.estimate.difference.interval[1],
+            "n_wins": pairing.estimate.n_wins,
+            "n_ties": pairing.estimate.n_ties,
+            "win_rate": pairing.estimate.win_rate,
+            "win_low": pairing.estimate.win_interval[0],
+            "win_high": pairing.estimate.win_interval[1],
+        }
+        for pairing in comparison.pairings
+    ]
+    return [*scores, *pairs]
+
+
+def _failures(comparison: Comparison, case: str) -> list[str]:
+    """A sentence about the trials without a result, which must not go unnoticed."""
+    failed = [(group, entry) for group in comparison.groups_of(case) for entry in group.failed]
+    if not failed:
+        return []
+    group, entry = failed[0]
+    return [
+        f"{len(failed)} trials of this case have no result and are left out, the first being {group.contender}, seed "
+        f"{entry['settings']['seed']}: {entry['row']['error']}"
+    ]
+
+
+def _number(value: float, form: str) -> str:
+    if math.isnan(value):
+        return "–"
+    return "never" if math.isinf(value) else form.format(value)

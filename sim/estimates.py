@@ -1,0 +1,129 @@
+"""Estimates: what a sample of trials says about a mean, a median or a share, with 95 % intervals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+
+CONFIDENCE = 0.95
+N_RESAMPLES = 9999
+Interval = tuple[float, float]
+NO_INTERVAL = (math.nan, math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeanEstimate:
+    """A mean with its spread."""
+
+    n: int
+    mean: float
+    deviation: float
+    """Standard deviation of the sample; NaN for fewer than two values."""
+    interval: Interval
+    """Bootstrap interval of the mean; NaN for fewer than two values."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairedEstimate:
+    """How one method does against another on the same seeds."""
+
+    n: int
+    difference: MeanEstimate
+    """First minus second, seed by seed."""
+    n_wins: int
+    """Seeds on which the first is better."""
+    n_ties: int
+    win_rate: float
+    """Share of seeds won, a tie counting half."""
+    win_interval: Interval
+
+
+def mean_estimate(values: ArrayLike, *, seed: int = 0) -> MeanEstimate:
+    """The mean of finite values with its bootstrap interval (bias corrected and accelerated).
+
+    Args:
+        values: The sample, shape (n,), n of at least 1.
+        seed: Of the resampling.
+
+    Raises:
+        ValueError: No value, or one that is not finite.
+    """
+    sample = np.asarray(values, dtype=np.float64)
+    if sample.ndim != 1 or not sample.size or not np.isfinite(sample).all():
+        raise ValueError(f"a mean needs a list of finite values, got {sample}")
+    deviation = float(sample.std(ddof=1)) if sample.size > 1 else math.nan
+    return MeanEstimate(
+        n=sample.size, mean=float(sample.mean()), deviation=deviation, interval=_mean_interval(sample, seed)
+    )
+
+
+def median_with_interval(values: ArrayLike) -> tuple[float, Interval]:
+    """The median of values, of which some may be infinite, and an interval free of assumptions.
+
+    The interval runs between the order statistics that hold the median with at least 95 % by the binomial
+    distribution; with five values or fewer there is none.
+
+    Args:
+        values: The sample, shape (n,), n of at least 1; infinite where an event never came.
+    """
+    ranked = np.sort(np.asarray(values, dtype=np.float64))
+    n = ranked.size
+    middle = ranked[[(n - 1) // 2, n // 2]]
+    median = float(middle[0]) if middle[0] == middle[1] else float(middle.mean())
+    below = int(stats.binom.ppf((1 - CONFIDENCE) / 2, n, 0.5))
+    if below < 1:
+        return median, NO_INTERVAL
+    return median, (float(ranked[below - 1]), float(ranked[n - below]))
+
+
+def paired_estimate(first: ArrayLike, second: ArrayLike, *, lower_is_better: bool) -> PairedEstimate:
+    """How the first of two methods does against the second.
+
+    Args:
+        first: Values of the first method, shape (n,), finite.
+        second: Values of the second on the same seeds, shape (n,), finite.
+        lower_is_better: Whether small values are good.
+    """
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    if a.shape != b.shape:
+        raise ValueError(f"pairs need as many values of both, got {a.shape} and {b.shape}")
+    difference = a - b
+    better = difference < 0 if lower_is_better else difference > 0
+    n_wins, n_ties = int(better.sum()), int((difference == 0).sum())
+    win_rate = (n_wins + 0.5 * n_ties) / a.size
+    return PairedEstimate(
+        n=a.size,
+        difference=mean_estimate(difference),
+        n_wins=n_wins,
+        n_ties=n_ties,
+        win_rate=win_rate,
+        win_interval=share_interval(win_rate, a.size),
+    )
+
+
+def share_interval(share: float, n: int) -> Interval:
+    """Wilson's interval of a share that was seen among n; it holds at 0 and at 1 too."""
+    z = float(stats.norm.ppf((1 + CONFIDENCE) / 2))
+    centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+    return max(centre - half, 0.0), min(centre + half, 1.0)
+
+
+def _mean_interval(sample: NDArray[np.float64], seed: int) -> Interval:
+    if sample.size < 2:
+        return NO_INTERVAL
+    if np.ptp(sample) == 0.0:
+        return float(sample[0]), float(sample[0])
+    result = stats.bootstrap(
+        (sample,),
+        np.mean,
+        n_resamples=N_RESAMPLES,
+        confidence_level=CONFIDENCE,
+        method="BCa",
+        rng=np.random.default_rng(seed),
+    )
+    return float(result.confidence_interval.low), float(result.confidence_interval.high)

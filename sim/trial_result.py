@@ -1,0 +1,39 @@
+"""What a trial came to, as plain data that processes hand over and the journal keeps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .study import Trial
+
+RECALL_LEVELS = np.arange(1, 51) / 50
+"""Levels at which a trial's precision is kept."""
+
+
+@dataclass(frozen=True)
+class TrialResult:
+    """What a trial came to."""
+
+    row: dict[str, Any]
+    """Status and summary: the same wherever and whenever the trial runs."""
+    timings: dict[str, float] = field(default_factory=dict)
+    """Measured seconds by part, and the process's greatest memory."""
+    curves: dict[str, list[float | None]] = field(default_factory=dict)
+    """AUPRC and sensed share after each action, and precision at each of `RECALL_LEVELS` at the end."""
+    traceback: str | None = None
+
+    def entry(self, trial: Trial) -> dict[str, Any]:
+        """The journal's entry."""
+        parts = {"row": self.row, "timings": self.timings, "curves": self.curves}
+        return (
+            {"settings": trial.settings} | parts | ({"traceback": self.traceback} if self.traceback else {})
+        )
+
+
+def lost_result(n_deaths: int) -> TrialResult:
+    """The result of a trial whose worker process died each time."""
+    error = f"its worker process died {n_deaths} times, for example of too little memory"
+    return TrialResult({"status": "worker died", "error": error})

@@ -1,0 +1,133 @@
+"""The tables of a campaign, made from its journal: rows in the order of the study, whatever the order of running."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from .journal import Entry, Journal
+from .study import LEADING, Study
+from .trial_result import RECALL_LEVELS
+
+TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
+ROUNDS_OF_PARQUET_BYTES = 1 << 26
+"""CSV read at once to find a column's type."""
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A file that takes the place of another once it is written whole, as a context manager."""
+    temporary = path.with_name(f".{path.name}.part")
+    with temporary.open("wb") as file:
+        yield file
+    temporary.replace(path)
+
+
+def write_tables(folder: Path, journal: Journal, study: Study) -> None:
+    """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet.
+
+    Args:
+        folder: Where to write.
+        journal: The trials done.
+        study: Gives the order of the rows.
+    """
+
+    def entries() -> Iterator[Entry]:
+        return journal.entries(trial.key for trial in study.trials())
+
+    settings = _columns(entry["settings"] for entry in entries())
+    keys = [*LEADING, *(name for name in settings if name not in LEADING)]
+    row_columns = _columns(entry["row"] for entry in entries())
+    columns = [
+        *keys,
+        "status",
+        *(name for name in row_columns if name not in (*keys, "status", "error")),
+        "error",
+    ]
+    _write_csv(folder / "trials.csv", columns, (entry["row"] | entry["settings"] for entry in entries()))
+    timed = [*keys, *_columns(entry["timings"] for entry in entries())]
+    _write_csv(folder / "timings.csv", timed, (entry["settings"] | entry["timings"] for entry in entries()))
+    with replacing(folder / "curves.npz") as file:
+        np.savez_compressed(file, **curve_arrays(entries()))  # type: ignore[arg-type]
+    _write_parquet(folder)
+
+
+def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
+    """The curves of all rows, one after the other.
+
+    Returns:
+        `first` and `count`, shape (rows,): where each row's actions begin and how many there are; `auprc` and
+        `sensed_fraction` after each action, NaN where there is none; `precision`, shape (rows, 50), at `recall`,
+        NaN in rows without a map.
+    """
+    counts, auprc, sensed, precision = array("q"), array("f"), array("f"), array("f")
+    for entry in entries:
+        curves = entry["curves"]
+        sensed_here = curves.get("sensed_fraction", [])
+        counts.append(len(sensed_here))
+        sensed.extend(_floats(sensed_here))
+        auprc.extend(_floats(curves.get("auprc") or [None] * len(sensed_here)))
+        precision.extend(_floats(curves.get("precision") or [None] * len(RECALL_LEVELS)))
+    count = np.asarray(counts, dtype=np.int64)
+    return {
+        "first": np.cumsum(count) - count,
+        "count": count,
+        "auprc": np.asarray(auprc, dtype=np.float32),
+        "sensed_fraction": np.asarray(sensed, dtype=np.float32),
+        "precision": np.asarray(precision, dtype=np.float32).reshape(-1, len(RECALL_LEVELS)),
+        "recall": RECALL_LEVELS,
+    }
+
+
+def _columns(rows: Iterator[Mapping[str, Any]]) -> list[str]:
+    """Names of all columns, in the order in which rows first have them."""
+    columns: dict[str, None] = {}
+    for row in rows:
+        columns |= dict.fromkeys(row)
+    return list(columns)
+
+
+def _write_csv(path: Path, columns: Sequence[str], rows: Iterator[Mapping[str, Any]]) -> None:
+    with replacing(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        for row in rows:
+            writer.writerow([_cell(row.get(name)) for name in columns])
+        text.flush()
+        text.detach()
+
+
+def _cell(value: Any) -> Any:
+    """Text of a cell: floats with all their digits, None empty, lists as JSON."""
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, bool):
+        return int(value)
+    if isinstance(value, list | dict):
+        return json.dumps(value)
+    return "" if value is None else value
+
+
+def _floats(values: Sequence[float | None]) -> list[float]:
+    return [np.nan if value is None else value for value in values]
+
+
+def _write_parquet(folder: Path) -> None:
+    try:
+        from pyarrow import csv as arrow_csv
+        from pyarrow import parquet
+    except ImportError:
+        return
+    reading = arrow_csv.ReadOptions(block_size=ROUNDS_OF_PARQUET_BYTES)
+    table = arrow_csv.read_csv(folder / "trials.csv", read_options=reading)
+    with replacing(folder / "trials.parquet") as file:
+        parquet.write_table(table, file)

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from planner import Cone
 
+from .arms import arm_named
 from .errors import UsageError
 from .motion import Motion
 from .recording import MANIFEST
 from .replay_options import ReplayOptions
-from .theatre import arm_named
 from .trajectories import read_anatomy, read_motions
+from .world.arm import ArmModel
 from .world.scene import Scene, build_scene
 
 AGREEMENT_M = 1e-6
@@ -64,7 +65,7 @@ def read_recording(folder: Path) -> Recording:
     """
     config = _config(folder)
     options, scenario = config["options"], config["scenario"]
-    arm = None if options["arm"] == "none" else arm_named(options["arm"], options["flange"])
+    arm = None if options["arm"] == "none" else _arm(options)
     cone = Cone(scenario["cone_half_angle_rad"], scenario["cone_depth_m"])
     motions = read_motions(folder)
     scene = build_scene(read_anatomy(folder), cone, arm=arm)
@@ -80,6 +81,17 @@ def read_recording(folder: Path) -> Recording:
         motions=motions,
         sensing_s=float(options["sensing_s"]),
         sensed_m=np.array(sensed_m).reshape(-1, 3),
+    )
+
+
+def _arm(options: dict[str, Any]) -> ArmModel:
+    """The arm of a run where it stood."""
+    x_mm, y_mm, z_mm = options["base_mm"]
+    return arm_named(
+        options["arm"],
+        options["flange"],
+        base_mm=(x_mm, y_mm, z_mm),
+        base_yaw_deg=options["base_yaw_deg"],
     )
 
 

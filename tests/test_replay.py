@@ -14,10 +14,9 @@ from sim.cli import main
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     out = tmp_path_factory.mktemp("replay") / "run"
-    assert (
-        main(["episode", "--scenario", "sphere", "--planner", "random", "--steps", "2", "--out", str(out)])
-        == 0
-    )
+    base = ["--base-mm", "450", "500", "0", "--base-yaw-deg", "-90"]  # a replay puts the arm where it stood
+    arguments = ["--scenario", "sphere", "--planner", "random", "--steps", "2", *base]
+    assert main(["episode", *arguments, "--out", str(out)]) == 0
     return out
 
 

@@ -29,12 +29,12 @@ class Carrier(ABC):
     def reach(self, pose: int) -> IkResult:
         """Whether and how pose `pose` of the workspace is reached; the same answer every time."""
 
-    @abstractmethod
     def is_prepared(self, pose: int) -> bool:
-        """Whether `reach` will answer at once."""
+        """Whether `reach` will answer at once; so it does unless a carrier says otherwise."""
+        del pose
+        return True
 
-    @abstractmethod
-    def prepare(self, poses: Sequence[int]) -> None:
+    def prepare(self, poses: Sequence[int]) -> None:  # noqa: B027, most carriers have nothing to prepare
         """Answer poses together, which takes less time than asking one after the other; the answers are the same."""
 
     @abstractmethod
@@ -99,13 +99,6 @@ class FreeCarrier(Carrier):
         """See `Carrier.reach`: always reached, without error."""
         nothing = np.empty(0)
         return IkResult(IkStatus.REACHED, nothing, nothing, 0.0, 0.0, 0, 0)
-
-    def is_prepared(self, pose: int) -> bool:
-        """See `Carrier.is_prepared`: always."""
-        return True
-
-    def prepare(self, poses: Sequence[int]) -> None:
-        """See `Carrier.prepare`: there is nothing to do."""
 
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
         """See `Carrier.place`."""

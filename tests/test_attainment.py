@@ -21,12 +21,6 @@ class PickyCarrier(Carrier):
         status = IkStatus.TOO_FAR if pose in self.unreachable else IkStatus.REACHED
         return IkResult(status, np.empty(0), np.empty(0), 0.0, 0.0, 0, 0)
 
-    def is_prepared(self, pose: int) -> bool:
-        return True
-
-    def prepare(self, poses) -> None:
-        raise NotImplementedError
-
     def place(self, data, pose, *, is_lifted) -> None:
         raise NotImplementedError
 

@@ -187,6 +187,7 @@ class Episode:
             search_points_m=self.stage.search_points_m,
             prediction=self.prediction,
             is_visible=self.stage.is_visible,
+            surface_distance_m=self.stage.surface_distance_m,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             rng=self._planner_rng,

@@ -1,0 +1,84 @@
+"""The frontier of what was found: unsensed places beside tumour that was sensed, and the poses that see most of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from scipy.special import expit
+
+from mapping import Prediction
+
+from .cone import Cone
+from .fine_lattice import FineLattice
+from .hidden_balls import distance_to_cones
+from .visibility import visibility
+from .workspace import Workspace
+
+_CUBE_M = 0.03
+"""Points are handled cube by cube of this side [m], so that most poses drop out at once."""
+
+
+def probability_at(lattice: FineLattice, prediction: Prediction) -> NDArray[np.float64]:
+    """Probability of tumour at the fine points, shape (F,): of the interpolated score, which is smooth."""
+    return expit(lattice.interpolate(prediction.score))
+
+
+def sensed_points(
+    workspace: Workspace, cone: Cone, sensed: tuple[int, ...], points_m: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which points lay in the cone of a sensed pose, shape (F,)."""
+    if not sensed or not len(points_m):
+        return np.zeros(len(points_m), dtype=bool)
+    some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
+    return visibility(some, cone, points_m).any(axis=1)
+
+
+def frontier(
+    points_m: NDArray[np.float64],
+    probability: NDArray[np.float64],
+    is_sensed: NDArray[np.bool_],
+    *,
+    margin_m: float,
+) -> NDArray[np.bool_]:
+    """Which points are unsensed and within a margin of sensed tumour, shape (F,).
+
+    Args:
+        points_m: Points [m], shape (F, 3).
+        probability: Of tumour, shape (F,).
+        is_sensed: Which points were in some cone, shape (F,).
+        margin_m: The margin [m].
+    """
+    is_found = is_sensed & (probability > 0.5)
+    is_frontier = np.zeros(len(points_m), dtype=bool)
+    if is_found.any():
+        open_points = np.flatnonzero(~is_sensed)
+        near, _ = KDTree(points_m[is_found]).query(points_m[open_points], distance_upper_bound=margin_m)
+        is_frontier[open_points[np.isfinite(near)]] = True
+    return is_frontier
+
+
+def seen_weight(
+    workspace: Workspace, cone: Cone, points_m: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Sum of the weights of the points in each pose's cone, shape (N,).
+
+    Args:
+        workspace: The N poses.
+        cone: What one of them sees.
+        points_m: Points [m], shape (F, 3).
+        weights: Theirs, shape (F,).
+    """
+    total = np.zeros(workspace.n_poses)
+    if not len(points_m):
+        return total
+    _, cube_of = np.unique(np.floor(points_m / _CUBE_M).astype(int), axis=0, return_inverse=True)
+    for cube in range(cube_of.max() + 1):
+        inside = points_m[cube_of.ravel() == cube]
+        middle_m = (inside.min(axis=0) + inside.max(axis=0)) / 2
+        radius_m = np.linalg.norm(inside - middle_m, axis=1).max()
+        poses = np.flatnonzero(distance_to_cones(workspace, cone, middle_m[None])[0] <= radius_m + 1e-6)
+        if poses.size:
+            some = Workspace(workspace.positions_m[poses], workspace.normals[poses])
+            total[poses] += weights[cube_of.ravel() == cube] @ visibility(some, cone, inside)
+    return total

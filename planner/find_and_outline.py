@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import PlannerError
 from .fine_lattice import fine_lattice
-from .frontier import frontier, probability_at, seen_weight, sensed_points
+from .frontier import near, probability_at, seen_weight, sensed_points
 from .hidden_balls import BallPrior, hidden_balls
 from .planner import Planner
 from .situation import Situation
@@ -24,9 +24,11 @@ class FindAndOutline(Planner):
     needs_belief: ClassVar[bool] = True
     preferred_map: ClassVar[str] = "calibrated"
 
-    margin_m: float = 0.012
-    """Unsensed places within this distance of sensed tumour may belong to it [m]."""
-    least_gain_m3: float = 1.5e-7
+    margin_m: float = 0.007
+    """Unsensed places within this distance of likely tumour may belong to it [m]."""
+    floor: float = 0.15
+    """Least probability granted to such a place: the map's edges are not sharp enough to deny it."""
+    least_gain_m3: float = 5e-8
     """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
     fading: float = 0.03
     """What a ball still counts each time that it was looked at and nothing was found."""
@@ -65,8 +67,8 @@ class FindAndOutline(Planner):
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = probability_at(lattice, situation.prediction)
-        likely = np.flatnonzero(probability > 0.05)
-        points_m, probability = lattice.points_m[likely], probability[likely]
-        is_sensed = sensed_points(workspace, cone, situation.sensed, points_m)
-        is_open = frontier(points_m, probability, is_sensed, margin_m=self.margin_m)
-        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], probability[is_open])
+        around = np.flatnonzero(near(lattice.points_m, probability > 0.5, margin_m=self.margin_m))
+        points_m = lattice.points_m[around]
+        is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
+        weights = np.maximum(probability[around], self.floor)[is_open]
+        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)

@@ -1,4 +1,4 @@
-"""The frontier of what was found: unsensed places beside tumour that was sensed, and the poses that see most of it."""
+"""The frontier of what was found: unsensed places in and beside likely tumour, and the poses that see most of it."""
 
 from __future__ import annotations
 
@@ -34,28 +34,18 @@ def sensed_points(
     return visibility(some, cone, points_m).any(axis=1)
 
 
-def frontier(
-    points_m: NDArray[np.float64],
-    probability: NDArray[np.float64],
-    is_sensed: NDArray[np.bool_],
-    *,
-    margin_m: float,
-) -> NDArray[np.bool_]:
-    """Which points are unsensed and within a margin of sensed tumour, shape (F,).
+def near(points_m: NDArray[np.float64], is_likely: NDArray[np.bool_], *, margin_m: float) -> NDArray[np.bool_]:
+    """Which points are likely tumour or within a margin of it, shape (F,).
 
     Args:
         points_m: Points [m], shape (F, 3).
-        probability: Of tumour, shape (F,).
-        is_sensed: Which points were in some cone, shape (F,).
+        is_likely: Which of them are likely tumour, shape (F,).
         margin_m: The margin [m].
     """
-    is_found = is_sensed & (probability > 0.5)
-    is_frontier = np.zeros(len(points_m), dtype=bool)
-    if is_found.any():
-        open_points = np.flatnonzero(~is_sensed)
-        near, _ = KDTree(points_m[is_found]).query(points_m[open_points], distance_upper_bound=margin_m)
-        is_frontier[open_points[np.isfinite(near)]] = True
-    return is_frontier
+    if not is_likely.any():
+        return is_likely
+    gap_m, _ = KDTree(points_m[is_likely]).query(points_m, distance_upper_bound=margin_m)
+    return np.isfinite(gap_m)
 
 
 def seen_weight(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from .errors import PlannerError
 from .fine_lattice import fine_lattice
-from .frontier import near, probability_at, seen_weight, sensed_points
+from .frontier import probability_at, seen_weight, sensed_points
 from .hidden_balls import BallPrior, hidden_balls
 from .planner import Planner
 from .situation import Situation
@@ -67,7 +67,10 @@ class FindAndOutline(Planner):
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = probability_at(lattice, situation.prediction)
-        around = np.flatnonzero(near(lattice.points_m, probability > 0.5, margin_m=self.margin_m))
+        is_likely = probability > 0.5
+        believed_m = [reading.believed_tumour_m(situation.false_positive_rate) for reading in situation.readings]
+        tumour_m = np.concatenate([lattice.points_m[is_likely], *believed_m])
+        around = lattice.near(tumour_m, self.margin_m)
         points_m = lattice.points_m[around]
         is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
         weights = np.maximum(probability[around], self.floor)[is_open]

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.spatial import KDTree
 
 from .keyed_array import KeyedArray
 
@@ -34,6 +35,21 @@ class FineLattice:
         Beyond the organ the nearest search point's value holds.
         """
         return map_coordinates(values[self._source].reshape(self._shape), self._coordinates, order=1)
+
+    def near(self, places_m: NDArray[np.float64], margin_m: float) -> NDArray[np.intp]:
+        """Indices of the fine points within a margin of some place, ascending.
+
+        Args:
+            places_m: Places [m], shape (P, 3).
+            margin_m: The margin [m].
+        """
+        if not len(places_m):
+            return np.empty(0, dtype=np.intp)
+        low_m, high_m = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
+        is_close = ((self.points_m >= low_m) & (self.points_m <= high_m)).all(axis=1)
+        close = np.flatnonzero(is_close)
+        gap_m, _ = KDTree(places_m).query(self.points_m[close], distance_upper_bound=margin_m)
+        return close[np.isfinite(gap_m)]
 
 
 def fine_lattice(points_m: NDArray[np.float64]) -> FineLattice:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 from scipy.special import expit
 
 from mapping import Prediction
@@ -32,20 +31,6 @@ def sensed_points(
         return np.zeros(len(points_m), dtype=bool)
     some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
     return visibility(some, cone, points_m).any(axis=1)
-
-
-def near(points_m: NDArray[np.float64], is_likely: NDArray[np.bool_], *, margin_m: float) -> NDArray[np.bool_]:
-    """Which points are likely tumour or within a margin of it, shape (F,).
-
-    Args:
-        points_m: Points [m], shape (F, 3).
-        is_likely: Which of them are likely tumour, shape (F,).
-        margin_m: The margin [m].
-    """
-    if not is_likely.any():
-        return is_likely
-    gap_m, _ = KDTree(points_m[is_likely]).query(points_m, distance_upper_bound=margin_m)
-    return np.isfinite(gap_m)
 
 
 def seen_weight(

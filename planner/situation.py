@@ -10,6 +10,7 @@ from mapping import Prediction
 
 from .cone import Cone
 from .errors import PlannerError
+from .labelled_points import LabelledPoints
 from .workspace import Workspace
 
 
@@ -33,6 +34,10 @@ class Situation:
     """Which search points some pose sees, from `visible_points`, shape (M,); None if not worked out."""
     surface_distance_m: NDArray[np.float64] | None = None
     """Distance of each search point to the organ's surface [m], shape (M,); None if not worked out."""
+    readings: tuple[LabelledPoints, ...] = ()
+    """What each sensing action returned, in order."""
+    false_positive_rate: float = 0.0
+    """Share of free points that the sensor is believed to call tumour."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 

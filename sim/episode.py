@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, average_precision, evaluate_map
-from planner import Planner, Situation
+from planner import LabelledPoints, Planner, Situation
 
 from .motion import Motion, Mover
 from .movers import make_mover
@@ -105,6 +105,8 @@ class Episode:
         self._probe = Probe(self.truth.scene, probe_settings)
         self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
+        self._readings: list[LabelledPoints] = []
+        self._false_positive_rate = (map_settings or MapSettings()).false_positive_rate
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
 
@@ -140,6 +142,7 @@ class Episode:
         sensed_s = perf_counter()
         auprc = self._update(reading)
         self.sensed.append(pose)
+        self._readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
         return Step(
             step=number,
             pose_index=pose,
@@ -188,6 +191,8 @@ class Episode:
             prediction=self.prediction,
             is_visible=self.stage.is_visible,
             surface_distance_m=self.stage.surface_distance_m,
+            readings=tuple(self._readings),
+            false_positive_rate=self._false_positive_rate,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             rng=self._planner_rng,

@@ -77,7 +77,9 @@ def _fine_lattice(points: KeyedArray) -> FineLattice:
     source = number[tuple(nearest)].ravel()
     steps = [np.median(np.diff(axis)) if axis.size > 1 else MAX_SPACING_M for axis in axes_m]
     factors = [max(1, math.ceil(step / MAX_SPACING_M)) for step in steps]
-    fine = [np.arange((axis.size - 1) * factor + 1) / factor for axis, factor in zip(axes_m, factors, strict=True)]
+    fine = [
+        np.arange((axis.size - 1) * factor + 1) / factor for axis, factor in zip(axes_m, factors, strict=True)
+    ]
     coordinates = np.stack([part.ravel() for part in np.meshgrid(*fine, indexing="ij")])
     is_inside = map_coordinates(is_point.astype(np.float64), coordinates, order=1) >= 0.5
     coordinates = np.ascontiguousarray(coordinates[:, is_inside])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import label
 from scipy.special import expit
 
 from mapping import Prediction
@@ -57,3 +58,19 @@ def seen_weight(
             some = Workspace(workspace.positions_m[poses], workspace.normals[poses])
             total[poses] += weights[cube_of.ravel() == cube] @ visibility(some, cone, inside)
     return total
+
+
+def n_clusters(points_m: NDArray[np.float64], gap_m: float) -> int:
+    """How many clusters points form whose cubes of side `gap_m` do not touch.
+
+    Args:
+        points_m: Points [m], shape (P, 3).
+        gap_m: Side of the cubes [m].
+    """
+    if not len(points_m):
+        return 0
+    cubes = np.floor(points_m / gap_m).astype(int)
+    cubes -= cubes.min(axis=0)
+    is_taken = np.zeros(cubes.max(axis=0) + 1, dtype=bool)
+    is_taken[tuple(cubes.T)] = True
+    return int(label(is_taken, structure=np.ones((3, 3, 3)))[1])

@@ -146,9 +146,7 @@ def _finds(
     return sparse.vstack(rows).T.tocsr()
 
 
-def distance_to_cones(
-    workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def distance_to_cones(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.float32]:
     """Signed distance of points to the cones' faces [m], negative inside, shape (M, N).
 
     The larger of the distances to mantle and base: exact inside and beside them, too small beyond edge and apex.

@@ -110,12 +110,15 @@ class Episode:
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
 
-    def steps(self, n_steps: int, *, until_sensed: float | None = None) -> Iterator[Step]:
-        """Sense until `n_steps` actions are done, `until_sensed` is met, or no pose is left that the arm reaches.
+    def steps(
+        self, n_steps: int, *, until_sensed: float | None = None, until_confident: float | None = None
+    ) -> Iterator[Step]:
+        """Sense until `n_steps` actions are done, a rule to stop is met, or no pose is left that the arm reaches.
 
         Args:
             n_steps: Actions at most.
             until_sensed: Share of the detection points at which to stop early; None for never.
+            until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
         """
         self._predict()
         for number in range(1, n_steps + 1):
@@ -125,6 +128,12 @@ class Episode:
             yield step
             if until_sensed is not None and (step.sensed_fraction or 0.0) >= until_sensed:
                 return
+            if until_confident is not None and self.confidence() >= until_confident:
+                return
+
+    def confidence(self) -> float:
+        """How sure the planner is, from what is known so far, that nothing is left to find or outline."""
+        return self.planner.confidence(self._situation())
 
     def metrics(self) -> MapMetrics | None:
         """Scores of the present map against the truth."""

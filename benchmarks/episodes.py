@@ -47,12 +47,16 @@ def run_seed(options: EpisodeOptions, at: tuple[int, ...]) -> dict[str, Any]:
         )
         auprc: list[float] = []
         sensed: list[float] = []
-        for step in episode.steps(options.steps, until_sensed=options.until_sensed):
+        steps = episode.steps(
+            options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
+        )
+        for step in steps:
             auprc.append(np.nan if step.auprc is None else step.auprc)
             sensed.append(np.nan if step.sensed_fraction is None else step.sensed_fraction)
     reached = np.flatnonzero(np.array(sensed) >= 0.95)
     return {
         "seed": options.seed,
+        "n_sensings": len(sensed),
         "sensings_to_95": int(reached[0]) + 1 if reached.size else None,
         "sensed_fraction": sensed[-1],
         **{f"auprc_{n}": auprc[n - 1] if len(auprc) >= n else None for n in at},

@@ -3,6 +3,8 @@
 from .cone import Cone
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
+from .find_and_outline import FindAndOutline
+from .labelled_points import LabelledPoints
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
@@ -14,6 +16,8 @@ from .workspace import Workspace
 __all__ = [
     "Cone",
     "ExpectedImprovement",
+    "FindAndOutline",
+    "LabelledPoints",
     "MultiResolution",
     "Planner",
     "PlannerError",

@@ -30,6 +30,7 @@ class ExpectedImprovement(Planner):
     """Expected improvement over the search points (eq. 2), then the pose that looks at the best of them."""
 
     needs_belief: ClassVar[bool] = True
+    preferred_map: ClassVar[Literal["paper", "calibrated"]] = "paper"
 
     values: Values = "latent"
     """Whose mean and deviation enter: the latent's, or the probability's. The probability finds several

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from .situation import Situation
 
@@ -10,6 +10,8 @@ from .situation import Situation
 class Planner(ABC):
     """Ranks sensing poses; it holds settings alone, so that one planner serves any number of episodes."""
 
+    preferred_map: ClassVar[Literal["paper", "calibrated"]] = "calibrated"
+    """Which of the map's settings the planner is at its best with."""
     needs_belief: ClassVar[bool]
     """Whether the ranking looks at the prediction; if not, an episode may leave the map out."""
 
@@ -26,3 +28,11 @@ class Planner(ABC):
         Raises:
             PlannerError: If the planner needs a belief and the situation has none.
         """
+
+    def confidence(self, situation: Situation) -> float:
+        """How sure the planner is that nothing is left to find or to outline; 0 for those that cannot tell.
+
+        Args:
+            situation: What is known so far.
+        """
+        return 0.0

@@ -5,12 +5,14 @@ from typing import Any
 
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
+from .find_and_outline import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
 
-_PLANNERS: dict[str, type[ExpectedImprovement | MultiResolution | RandomOrder]] = {
+_PLANNERS: dict[str, type[Any]] = {
     "expected-improvement": ExpectedImprovement,
+    "find-and-outline": FindAndOutline,
     "random": RandomOrder,
     "multi-resolution": MultiResolution,
 }

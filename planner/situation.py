@@ -10,6 +10,7 @@ from mapping import Prediction
 
 from .cone import Cone
 from .errors import PlannerError
+from .labelled_points import LabelledPoints
 from .workspace import Workspace
 
 
@@ -31,6 +32,12 @@ class Situation:
     """Indices of the poses that the arm failed to reach."""
     is_visible: NDArray[np.bool_] | None = None
     """Which search points some pose sees, from `visible_points`, shape (M,); None if not worked out."""
+    surface_distance_m: NDArray[np.float64] | None = None
+    """Distance of each search point to the organ's surface [m], shape (M,); None if not worked out."""
+    readings: tuple[LabelledPoints, ...] = ()
+    """What each sensing action returned, in order."""
+    false_positive_rate: float = 0.0
+    """Share of free points that the sensor is believed to call tumour."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 
@@ -49,6 +56,10 @@ class Situation:
         if self.is_visible is not None and self.is_visible.shape != (len(points),):
             raise PlannerError(
                 f"is_visible has shape {self.is_visible.shape}, not one value per search point"
+            )
+        if self.surface_distance_m is not None and self.surface_distance_m.shape != (len(points),):
+            raise PlannerError(
+                f"surface_distance_m has shape {self.surface_distance_m.shape}, not one value per search point"
             )
         object.__setattr__(self, "skipped", frozenset(self.skipped))
         self._check_indices("sensed", self.sensed)

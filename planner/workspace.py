@@ -72,6 +72,15 @@ class Workspace:
         is_other[is_other.all(axis=1), -1] = False
         return nearest[is_other].reshape(self.n_poses, n_neighbours)
 
+    def within(self, pose: int, radius_m: float) -> list[int]:
+        """Indices of the poses within a distance of one, itself included.
+
+        Args:
+            pose: Its index.
+            radius_m: The distance [m].
+        """
+        return self._tree.query_ball_point(self.positions_m[pose], radius_m)
+
     def angles_to_rad(self, point_m: ArrayLike) -> NDArray[np.float64]:
         """Angle between each pose's normal and the direction from its position to a point [rad], shape (N,).
 

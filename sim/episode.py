@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, average_precision, evaluate_map
-from planner import Planner, Situation
+from planner import LabelledPoints, Planner, Situation
 
 from .motion import Motion, Mover
 from .movers import make_mover
@@ -105,15 +105,20 @@ class Episode:
         self._probe = Probe(self.truth.scene, probe_settings)
         self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
+        self._readings: list[LabelledPoints] = []
+        self._false_positive_rate = (map_settings or MapSettings()).false_positive_rate
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
 
-    def steps(self, n_steps: int, *, until_sensed: float | None = None) -> Iterator[Step]:
-        """Sense until `n_steps` actions are done, `until_sensed` is met, or no pose is left that the arm reaches.
+    def steps(
+        self, n_steps: int, *, until_sensed: float | None = None, until_confident: float | None = None
+    ) -> Iterator[Step]:
+        """Sense until `n_steps` actions are done, a rule to stop is met, or no pose is left that the arm reaches.
 
         Args:
             n_steps: Actions at most.
             until_sensed: Share of the detection points at which to stop early; None for never.
+            until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
         """
         self._predict()
         for number in range(1, n_steps + 1):
@@ -123,6 +128,12 @@ class Episode:
             yield step
             if until_sensed is not None and (step.sensed_fraction or 0.0) >= until_sensed:
                 return
+            if until_confident is not None and self.confidence() >= until_confident:
+                return
+
+    def confidence(self) -> float:
+        """How sure the planner is, from what is known so far, that nothing is left to find or outline."""
+        return self.planner.confidence(self._situation())
 
     def metrics(self) -> MapMetrics | None:
         """Scores of the present map against the truth."""
@@ -140,6 +151,7 @@ class Episode:
         sensed_s = perf_counter()
         auprc = self._update(reading)
         self.sensed.append(pose)
+        self._readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
         return Step(
             step=number,
             pose_index=pose,
@@ -187,6 +199,9 @@ class Episode:
             search_points_m=self.stage.search_points_m,
             prediction=self.prediction,
             is_visible=self.stage.is_visible,
+            surface_distance_m=self.stage.surface_distance_m,
+            readings=tuple(self._readings),
+            false_positive_rate=self._false_positive_rate,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             rng=self._planner_rng,

@@ -34,12 +34,15 @@ class EpisodeOptions:
 
     scenario: str = "liver"
     """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, or the path of a scenario .toml."""
-    planner: str = "expected-improvement"
-    """Which planner chooses the next pose: expected-improvement (the paper's), random, multi-resolution."""
+    planner: str = "find-and-outline"
+    """Which planner chooses the next pose: find-and-outline, expected-improvement (the paper's), random,
+    multi-resolution."""
     steps: int = 30
     """Sensing actions at most, from 1 to 14400."""
     until_sensed: float | None = None
     """Stop as soon as this share of the tumours was sensed, for example 0.95."""
+    until_confident: float | None = None
+    """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95."""
     seed: int = 0
     """Seed of everything random. Planners given one seed face the same tumours."""
     arm: str = "default"
@@ -91,9 +94,10 @@ class EpisodeOptions:
     sensed is scored."""
     map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
-    map_settings: Literal["paper", "calibrated"] = "paper"
-    """paper is what the paper assumes, half of the organ tumour, under which expected improvement explores; calibrated
-    expects 2 per cent, and its probabilities mean what they say."""
+    map_settings: Literal["paper", "calibrated"] | None = None
+    """By default what the planner prefers: paper for expected-improvement, calibrated for the others. paper is what the
+    paper assumes, half of the organ tumour, under which expected improvement explores; calibrated expects 2 per cent,
+    and its probabilities mean what they say."""
     prior_prevalence: float | None = None
     """Share of the organ expected to be tumour before anything is sensed, in place of --map-settings'."""
     weight_variance: float | None = None
@@ -117,6 +121,8 @@ class EpisodeOptions:
             raise UsageError(f"--steps {self.steps}: from 1 to 14400.")
         if self.until_sensed is not None and not 0.0 < self.until_sensed <= 1.0:
             raise UsageError(f"--until-sensed {self.until_sensed}: above 0 and at most 1.")
+        if self.until_confident is not None and not 0.0 < self.until_confident < 1.0:
+            raise UsageError(f"--until-confident {self.until_confident}: between 0 and 1, both excluded.")
         if self.seed < 0:
             raise UsageError(f"--seed {self.seed}: 0 or more.")
         if self.planner not in planner_names():
@@ -198,7 +204,8 @@ class EpisodeOptions:
 
     def make_map_settings(self) -> MapSettings:
         """The map's settings."""
-        settings = MapSettings.paper() if self.map_settings == "paper" else MapSettings()
+        name = self.map_settings or self.make_planner().preferred_map
+        settings = MapSettings.paper() if name == "paper" else MapSettings()
         changes: dict[str, Any] = {
             "form": self.map_form,
             "prior_prevalence": self.prior_prevalence,

@@ -158,7 +158,10 @@ def _record(
     )
     render_s = 0.0
     try:
-        for step in episode.steps(options.steps, until_sensed=options.until_sensed):
+        steps = episode.steps(
+            options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
+        )
+        for step in steps:
             tally.add(step)
             _write_step(folder, episode, step)
             render_start_s = perf_counter()
@@ -298,6 +301,7 @@ def episode_summary(
         "n_points_per_tumour": [
             int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))
         ],
+        "confidence": episode.confidence(),
         "n_skipped_poses": tally.n_skipped_poses,
         **tally.motion(),
         **tally.seconds(),

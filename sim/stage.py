@@ -23,6 +23,7 @@ from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
 from .world.surface import SensingSurface, upper_surface_workspace
+from .world.surface_distance import SurfaceDistance
 
 GRID_MARGIN_M = 0.002
 """The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
@@ -59,6 +60,8 @@ class Stage:
     """Those points, the search space of the planners, shape (M, 3) [m]."""
     is_visible: NDArray[np.bool_]
     """Which of the search points some pose of the workspace sees, shape (M,)."""
+    surface_distance_m: NDArray[np.float64]
+    """Their distance to the organ's surface, shape (M,) [m]."""
     notices: tuple[str, ...] = ()
     """What was repaired or is unusual about the files."""
 
@@ -104,6 +107,7 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
         is_inside=is_inside,
         search_points_m=search_points_m,
         is_visible=visible_points(workspace, cone, search_points_m),
+        surface_distance_m=SurfaceDistance(organ).distance_m(search_points_m),
         notices=notices,
     )
 

@@ -277,7 +277,7 @@ def test_one_single_pose_is_all_there_is():
 
 
 def test_an_unknown_name_or_option_lists_what_exists():
-    with pytest.raises(PlannerError, match="expected-improvement, random, multi-resolution"):
+    with pytest.raises(PlannerError, match="expected-improvement, find-and-outline, random, multi-resolution"):
         make_planner("greedy")
     with pytest.raises(PlannerError, match="it has values, pose_rule"):
         make_planner("expected-improvement", threshold_deg=5)
@@ -286,7 +286,7 @@ def test_an_unknown_name_or_option_lists_what_exists():
 def test_options_reach_the_planner():
     planner = make_planner("expected-improvement", xi=0.5, values="probability")
     assert planner == ExpectedImprovement(xi=0.5, values="probability")
-    assert [make_planner(name).needs_belief for name in planner_names()] == [True, False, False]
+    assert [make_planner(name).needs_belief for name in planner_names()] == [True, True, False, False]
 
 
 def test_a_shallower_cone_leads_to_another_choice():

@@ -1,0 +1,156 @@
+"""Find, then outline: search where most could still hide, and cover what was found to its edge."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import PlannerError
+from .fine_lattice import FineLattice, fine_lattice
+from .frontier import n_clusters, probability_at, seen_weight, sensed_points
+from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
+from .planner import Planner
+from .situation import Situation
+from .workspace import Workspace
+
+_FAILURE_RADIUS_M = 0.008
+"""Poses this near to one that the arm failed to reach are likely to fail too."""
+_AFTER_FAILURE = 0.5
+"""What such a pose's score is worth, for every failure near it."""
+_CLUSTER_GAP_M = 0.01
+"""Likely tumour farther apart than about this counts as two tumours [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FindAndOutline(Planner):
+    """Two jobs: outlines whatever was found and not yet covered, and searches when nothing is left to outline."""
+
+    needs_belief: ClassVar[bool] = True
+
+    margin_m: float = 0.007
+    """Unsensed places within this distance of likely tumour may belong to it [m]."""
+    floor: float = 0.15
+    """Least probability granted to such a place: the map's edges are not sharp enough to deny it."""
+    least_gain_m3: float = 5e-8
+    """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
+    fading: float = 0.03
+    """What a ball still counts each time that it was looked at and nothing was found."""
+    travel_per_m: float = 0.0
+    """How much the way there counts: a pose's score is divided by 1 + this times the way of the tip [1/m]."""
+    balls: BallPrior = field(default_factory=BallPrior)
+    """What the search takes for possible."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for name in ("margin_m", "least_gain_m3"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise PlannerError(f"{name} must be above 0 and finite, got {getattr(self, name)}")
+        for name in ("floor", "fading"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise PlannerError(f"{name} must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
+        if not 0.0 <= self.travel_per_m < np.inf:
+            raise PlannerError(f"travel_per_m must be 0 or above and finite, got {self.travel_per_m}")
+
+    def rank(self, situation: Situation) -> Iterator[int]:
+        """The poses that outline most, if any outlines enough, then those that find most of what could hide.
+
+        Poses near one that fails while the ranking is read come later than they would have.
+        """
+        workspace = situation.workspace
+        is_left = situation.available(exclude_sensed=True)
+        score = self.score(situation) / (1.0 + self.travel_per_m * _way_m(situation))
+        for failed in situation.skipped:
+            score[workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
+        score[~is_left] = -1.0
+        for _ in range(int(is_left.sum())):
+            pose = int(np.argmax(score))
+            yield pose
+            score[workspace.within(pose, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
+            score[pose] = -1.0
+
+    def score(self, situation: Situation) -> NDArray[np.float64]:
+        """What each pose is worth, 0 or above, shape (N,): outlining first, searching else and among equals."""
+        search = self.search_score(situation)
+        if not situation.sensed:
+            return search
+        outline = self.outline_score(situation)
+        is_left = situation.available(exclude_sensed=True)
+        if np.max(outline, where=is_left, initial=0.0) < self.least_gain_m3:
+            return search
+        return outline / self.least_gain_m3 + 1e-3 * search
+
+    def search_score(self, situation: Situation) -> NDArray[np.float64]:
+        """Share of what could still hide that each pose would find, shape (N,)."""
+        balls = self._hidden(situation)
+        left = balls.weights * self.fading ** balls.times_found(situation.sensed)
+        return balls.newly_found(left.astype(np.float32)).astype(np.float64)
+
+    def outline_score(self, situation: Situation) -> NDArray[np.float64]:
+        """Tumour volume in and beside what was found that each pose would newly see [m^3], expected, shape (N,)."""
+        workspace, cone = situation.workspace, situation.cone
+        lattice = fine_lattice(situation.search_points_m)
+        probability = _probability(lattice, situation)
+        around = lattice.near(_likely_tumour_m(lattice, probability, situation), self.margin_m)
+        points_m = lattice.points_m[around]
+        is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
+        weights = np.maximum(probability[around], self.floor)[is_open]
+        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
+
+    def confidence(self, situation: Situation) -> float:
+        """Probability that no tumour is left to find; 0 while one is left to outline.
+
+        The number of tumours is Poisson of unknown rate with Jeffreys' prior. With k found among the share C of
+        what could hide, the rate is Gamma(k + 1/2, C), and none is left with probability C^(k + 1/2).
+        """
+        if not situation.sensed:
+            return 0.0
+        is_left = situation.available(exclude_sensed=True)
+        if np.max(self.outline_score(situation), where=is_left, initial=0.0) >= self.least_gain_m3:
+            return 0.0
+        balls = self._hidden(situation)
+        is_found = balls.times_found(situation.sensed) > 0
+        is_findable = is_found | (balls.finds.T @ is_left.astype(np.float32) > 0)
+        share = float(balls.weights[is_found].sum() / max(balls.weights[is_findable].sum(), 1e-30))
+        lattice = fine_lattice(situation.search_points_m)
+        tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
+        return min(share, 1.0) ** (n_clusters(tumour_m, _CLUSTER_GAP_M) + 0.5)
+
+    def _hidden(self, situation: Situation) -> HiddenBalls:
+        return hidden_balls(
+            situation.workspace,
+            situation.cone,
+            situation.search_points_m,
+            situation.surface_distance_m,
+            self.balls,
+        )
+
+
+def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:
+    if situation.prediction is None:
+        raise PlannerError("find-and-outline needs the map's prediction at the search points; got None")
+    return probability_at(lattice, situation.prediction)
+
+
+def _likely_tumour_m(
+    lattice: FineLattice, probability: NDArray[np.float64], situation: Situation
+) -> NDArray[np.float64]:
+    """Where tumour is likely [m], shape (P, 3): by the map, or by labels that can be believed.
+
+    The map smooths over a few labels of tumour among many of none, such as a cone that grazes one returns.
+    """
+    rate = situation.false_positive_rate
+    believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings]
+    return np.concatenate([lattice.points_m[probability > 0.5], *believed_m])
+
+
+def _way_m(situation: Situation) -> NDArray[np.float64]:
+    """How far each pose lies from the last one sensed [m], shape (N,); 0 before the first."""
+    workspace: Workspace = situation.workspace
+    if not situation.sensed:
+        return np.zeros(workspace.n_poses)
+    last_m = workspace.positions_m[situation.sensed[-1]]
+    return np.linalg.norm(workspace.positions_m - last_m, axis=1)

@@ -1,0 +1,88 @@
+"""The search points' lattice, refined: tumours of ten points are outlined by hundreds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.spatial import KDTree
+
+from .keyed_array import KeyedArray
+
+MAX_SPACING_M = 0.0045
+"""Largest spacing of a fine lattice [m]: finer than half the radius of the smallest tumour of interest."""
+
+
+@dataclass(frozen=True, eq=False)
+class FineLattice:
+    """Points between the search points, and how a value goes from these to those."""
+
+    points_m: NDArray[np.float64]
+    """Fine points inside the organ [m, world], shape (F, 3)."""
+    cell_m3: float
+    """Volume for which each of them stands [m^3]."""
+    _coordinates: NDArray[np.float64]
+    _shape: tuple[int, int, int]
+    _source: NDArray[np.intp]
+
+    def interpolate(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the search points, shape (M,), brought to the fine points, shape (F,): trilinear.
+
+        Beyond the organ the nearest search point's value holds.
+        """
+        return map_coordinates(values[self._source].reshape(self._shape), self._coordinates, order=1)
+
+    def near(self, places_m: NDArray[np.float64], margin_m: float) -> NDArray[np.intp]:
+        """Indices of the fine points within a margin of some place, ascending.
+
+        Args:
+            places_m: Places [m], shape (P, 3).
+            margin_m: The margin [m].
+        """
+        if not len(places_m):
+            return np.empty(0, dtype=np.intp)
+        low_m, high_m = places_m.min(axis=0) - margin_m, places_m.max(axis=0) + margin_m
+        is_close = ((self.points_m >= low_m) & (self.points_m <= high_m)).all(axis=1)
+        close = np.flatnonzero(is_close)
+        gap_m, _ = KDTree(places_m).query(self.points_m[close], distance_upper_bound=margin_m)
+        return close[np.isfinite(gap_m)]
+
+
+def fine_lattice(points_m: NDArray[np.float64]) -> FineLattice:
+    """The refined lattice of search points; kept for as long as the same array is asked for.
+
+    Args:
+        points_m: Points of a lattice aligned with the axes, some left out [m], shape (M, 3).
+    """
+    return _fine_lattice(KeyedArray(points_m))
+
+
+@lru_cache(maxsize=4)
+def _fine_lattice(points: KeyedArray) -> FineLattice:
+    axes_m, index = [], []
+    for coordinate in points.array.T:
+        values, where = np.unique(np.round(coordinate, 9), return_inverse=True)
+        axes_m.append(values)
+        index.append(where)
+    shape = (axes_m[0].size, axes_m[1].size, axes_m[2].size)
+    is_point = np.zeros(shape, dtype=bool)
+    is_point[tuple(index)] = True
+    number = np.zeros(shape, dtype=np.intp)
+    number[tuple(index)] = np.arange(len(points.array))
+    nearest = distance_transform_edt(~is_point, return_distances=False, return_indices=True)
+    source = number[tuple(nearest)].ravel()
+    steps = [np.median(np.diff(axis)) if axis.size > 1 else MAX_SPACING_M for axis in axes_m]
+    factors = [max(1, math.ceil(step / MAX_SPACING_M)) for step in steps]
+    fine = [
+        np.arange((axis.size - 1) * factor + 1) / factor for axis, factor in zip(axes_m, factors, strict=True)
+    ]
+    coordinates = np.stack([part.ravel() for part in np.meshgrid(*fine, indexing="ij")])
+    is_inside = map_coordinates(is_point.astype(np.float64), coordinates, order=1) >= 0.5
+    coordinates = np.ascontiguousarray(coordinates[:, is_inside])
+    fine_m = [np.interp(at, np.arange(axis.size), axis) for at, axis in zip(coordinates, axes_m, strict=True)]
+    cell_m3 = float(np.prod([step / factor for step, factor in zip(steps, factors, strict=True)]))
+    return FineLattice(np.column_stack(fine_m), cell_m3, coordinates, shape, source)

@@ -1,0 +1,47 @@
+"""Labelled points of a reading, and which of its tumour labels can be believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+from scipy.stats import binom
+
+_N_NEIGHBOURS = 8
+"""Points asked, itself included, about a tumour label."""
+_CHANCE = 1e-3
+"""A label is believed where as many neighbours say so as false labels would less often than this."""
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledPoints:
+    """What one sensing action returned."""
+
+    points_m: NDArray[np.float64]
+    """Sensed points [m, world], shape (K, 3)."""
+    is_occupied: NDArray[np.bool_]
+    """Whether the sensor called each point tumour, shape (K,)."""
+
+    def believed_tumour_m(self, false_positive_rate: float) -> NDArray[np.float64]:
+        """The points called tumour [m] that chance does not explain, shape (B, 3).
+
+        Of the K points around one, itself included, m are called tumour; false labels alone do that with
+        P(Binomial(K, rate) >= m). Without false labels every tumour label is believed.
+
+        Args:
+            false_positive_rate: Share of free points that the sensor is believed to call tumour.
+        """
+        occupied_m = self.points_m[self.is_occupied]
+        if false_positive_rate <= 0.0 or not len(occupied_m):
+            return occupied_m
+        n = min(_N_NEIGHBOURS, len(self.points_m))
+        _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])
+        n_called = self.is_occupied[nearest].sum(axis=1)
+        return occupied_m[binom.sf(n_called - 1, n, false_positive_rate) < _CHANCE]
+
+    @cached_property
+    def _tree(self) -> KDTree:
+        return KDTree(self.points_m)

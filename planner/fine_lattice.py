@@ -73,7 +73,7 @@ def _fine_lattice(points: KeyedArray) -> FineLattice:
     is_point[tuple(index)] = True
     number = np.zeros(shape, dtype=np.intp)
     number[tuple(index)] = np.arange(len(points.array))
-    nearest = distance_transform_edt(~is_point, return_distances=False, return_indices=True)
+    nearest = np.asarray(distance_transform_edt(~is_point, return_distances=False, return_indices=True))
     source = number[tuple(nearest)].ravel()
     steps = [np.median(np.diff(axis)) if axis.size > 1 else MAX_SPACING_M for axis in axes_m]
     factors = [max(1, math.ceil(step / MAX_SPACING_M)) for step in steps]

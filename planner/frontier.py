@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
@@ -31,7 +33,7 @@ def sensed_points(
     if not sensed or not len(points_m):
         return np.zeros(len(points_m), dtype=bool)
     some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
-    return visibility(some, cone, points_m).any(axis=1)
+    return np.asarray(visibility(some, cone, points_m).any(axis=1))
 
 
 def seen_weight(
@@ -73,4 +75,5 @@ def n_clusters(points_m: NDArray[np.float64], gap_m: float) -> int:
     cubes -= cubes.min(axis=0)
     is_taken = np.zeros(cubes.max(axis=0) + 1, dtype=bool)
     is_taken[tuple(cubes.T)] = True
-    return int(label(is_taken, structure=np.ones((3, 3, 3)))[1])
+    numbered: Any = label(is_taken, structure=np.ones((3, 3, 3)))  # the stubs know one of its two forms
+    return int(numbered[1])

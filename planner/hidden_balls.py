@@ -105,7 +105,7 @@ def _draw(
     tree = KDTree(points_m)
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
     spacing_m = _spacing_m(tree)
-    sequence = qmc.Halton(4, seed=0)
+    sequence = qmc.Halton(4, rng=np.random.default_rng(0))
     low, high = np.log(prior.radius_range_m)
     centres, radii, n_kept = [], [], 0
     for _ in range(100):

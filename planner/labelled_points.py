@@ -38,7 +38,7 @@ class LabelledPoints:
         if false_positive_rate <= 0.0 or not len(occupied_m):
             return occupied_m
         n = min(_N_NEIGHBOURS, len(self.points_m))
-        _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])
+        _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType], the stubs know a number only
         n_called = self.is_occupied[nearest].sum(axis=1)
         return occupied_m[binom.sf(n_called - 1, n, false_positive_rate) < _CHANCE]
 

@@ -27,7 +27,6 @@ POSES = (0, 14_399, 7_000, 119, 14_000, 3_333)
 """Poses at corners and in the middle of the organ, so that transfers cross it."""
 PRESSED = (7_000, 14_278)
 """Poses to press on: one in the middle, and one at the organ's sharp rim, which a distance grid rounds off."""
-CAPSULE = int(mujoco.mjtGeom.mjGEOM_CAPSULE)
 
 
 def motions(stage, kind, poses=POSES, **more):
@@ -50,30 +49,6 @@ def limits(sphere_arm_stage):
 def exact(sphere_arm_stage):
     """Distances to the organ's triangles."""
     return SurfaceDistance(sphere_arm_stage.organ)
-
-
-def test_no_recorded_state_touches_what_it_must_not(sphere_arm_stage, kinematic, exact) -> None:
-    """By MuJoCo's own contacts, and by exact distances of the capsules' axes to the organ's triangles."""
-    scene, organ = sphere_arm_stage.scene, sphere_arm_stage.organ
-    data = scene.new_data()
-    capsules = [geom for geom in scene.arm_geoms if scene.model.geom_type[geom] == CAPSULE]
-    share = np.linspace(-1.0, 1.0, 9)[:, None]
-    for motion in kinematic:
-        assert motion.is_done
-        axes_m, radii_m = [], []
-        for state in motion.states[::8]:
-            data.qpos[:] = state
-            mujoco.mj_fwdPosition(scene.model, data)
-            assert data.ncon == 0 or data.contact.dist.min() >= 0.0
-            for geom in capsules:
-                along = data.geom_xmat[geom].reshape(3, 3)[:, 2] * scene.model.geom_size[geom, 1]
-                axes_m.append(data.geom_xpos[geom] + share * along)
-                radii_m.append(np.full(len(share), scene.model.geom_size[geom, 0]))
-        points_m, radii_m = np.vstack(axes_m), np.concatenate(radii_m)
-        assert not organ.contains(points_m).any()
-        near = np.linalg.norm(points_m - organ.bounds_m.mean(axis=0), axis=1) < 0.25
-        gaps_m = exact.distance_to_triangles_m(points_m[near]) - radii_m[near]
-        assert gaps_m.min() > -1e-4
 
 
 def test_transfers_keep_the_tip_off_the_organ(sphere_arm_stage, kinematic, exact) -> None:

@@ -13,6 +13,7 @@ from .carrier import ArmCarrier
 from .motion import Motion, Mover, Phase, ProcedureStoppedError, StationMover, blocked, joint_travel_rad
 from .options import MotionKind
 from .stage import Stage
+from .world.contact_surface import ContactSurface
 from .world.joint_limits import JointLimits, is_embedded
 from .world.motion_settings import MotionSettings
 from .world.path_check import PathCheck
@@ -223,6 +224,6 @@ def make_mover(
     if kind == "kinematic":
         return PathMover(carrier, paths, timer, settings)
     servo = servo or ServoSettings()
-    grid, is_panda = search.clearance.organ_distance, is_embedded(stage.arm.path)
-    arm = ServoArm(stage.scene, search.chain, grid, servo, is_panda=is_panda)
+    organ, is_panda = ContactSurface(stage.organ), is_embedded(stage.arm.path)
+    arm = ServoArm(stage.scene, search.chain, organ, servo, is_panda=is_panda)
     return ServoMover(carrier, paths, timer, settings, arm=arm, servo=servo)

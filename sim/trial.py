@@ -20,8 +20,9 @@ from mapping import precision_recall_curve
 from .episode import Episode
 from .options import EpisodeOptions
 from .rehearsal import Rehearsal
-from .run import Tally, arm_model, episode_summary, make_episode, run_episode
+from .run import arm_model, make_episode, run_episode
 from .stage import Stage, build_stage
+from .tally import Tally, episode_summary
 from .trial_result import RECALL_LEVELS, TrialResult
 
 CURVE_DIGITS = 6

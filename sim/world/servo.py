@@ -1,7 +1,7 @@
 """The servo-driven arm: MuJoCo's dynamics under position servos, with the probe pressing on a compliant organ.
 
 MuJoCo would touch the organ's convex hull, so the organ stays out of its contacts: a spring and a damper act on the
-tip along the gradient of the true surface's distance grid.
+tip along the normal of the true surface, by the exact distance to its triangles.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .chain import Array, Chain
-from .distance_grid import DistanceGrid
+from .contact_surface import ContactSurface
 from .scene import Scene
 from .servo_settings import ServoSettings
 
@@ -22,8 +22,8 @@ PANDA_KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 """Gains of the servos of MuJoCo Menagerie's Panda [N m / rad]; damping a tenth of them [N m s / rad]."""
 OTHER_FREQUENCY_RAD_S = 60.0
 """Servos of other arms are critically damped at this frequency, by the joints' inertia at home."""
-NEAR_M, FASTEST_M_S = 0.004, 2.0
-"""Farther from the organ than this, contact is looked for again when the tip could have come near at this speed."""
+FASTEST_M_S = 2.0
+"""Away from the organ, contact is looked for again when the tip could have come to it at this speed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +49,15 @@ class ServoArm:
         self,
         scene: Scene,
         chain: Chain,
-        organ_distance: DistanceGrid,
+        organ: ContactSurface,
         settings: ServoSettings,
         *,
         is_panda: bool,
     ) -> None:
         """Prepare the copy: no actuators but the servos, whose damping is put into the joints, and no weight."""
         model = self.model = copy.copy(scene.model)
-        self._chain, self._grid, self._settings = chain, organ_distance, settings
+        self._organ, self._settings = organ, settings
         self._tip = model.site(scene.tip_site).id
-        self._body = int(model.site_bodyid[self._tip])
         # Full gravity compensation of every body, as gravcomp="1" does, also for arms that do not ask for it.
         model.opt.gravity[:] = 0.0
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
@@ -100,10 +99,8 @@ class ServoArm:
 
     def contact(self) -> tuple[float, NDArray[np.float64]]:
         """The force on the tip [N] and its direction, out of the organ, in the present state."""
-        tip_m = self.data.site_xpos[self._tip]
-        distance_m, gradient = self._grid.distance_and_gradient(tip_m[None])
-        depth_m = -float(distance_m[0])
-        outward = gradient[0] / max(float(np.linalg.norm(gradient[0])), 1e-9)
+        distance_m, outward = self._organ.signed_distance_and_normal(self.data.site_xpos[self._tip])
+        depth_m = -distance_m
         if depth_m <= 0.0:
             return 0.0, outward
         mujoco.mj_jacSite(self.model, self.data, self._jacobian, None, self._tip)
@@ -116,11 +113,9 @@ class ServoArm:
         if self._n_asleep > 0:
             self._n_asleep -= 1
             return 0.0, np.zeros(3)
-        force_n, outward = self.contact()
-        if force_n == 0.0:
-            distance_m = float(self._grid.distance_m(self.data.site_xpos[self._tip][None])[0])
-            self._n_asleep = int(max(0.0, distance_m - NEAR_M) / (FASTEST_M_S * self.dt_s))
-        return force_n, outward
+        clearance_m = self._organ.clearance_m(self.data.site_xpos[self._tip])
+        self._n_asleep = int(clearance_m / (FASTEST_M_S * self.dt_s))
+        return self.contact() if self._n_asleep == 0 else (0.0, np.zeros(3))
 
     def _step(self, q: Array, speed: Array) -> float:
         """One step of the dynamics; returns the contact force that acted in it [N]."""

@@ -1,0 +1,94 @@
+"""The files of a run: its configuration, what each step adds to the tables, and the map."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from .episode import Episode, Step
+from .options import EpisodeOptions
+from .recording import RunFolder
+from .stage import Stage
+from .tally import SECONDS
+from .trajectories import write_motion
+
+
+def run_config(options: EpisodeOptions, stage: Stage, map_settings: Any) -> dict[str, Any]:
+    """Everything needed to repeat the run: the options and what they stand for."""
+    return {
+        "options": dataclasses.asdict(options),
+        "scenario": dataclasses.asdict(stage.scenario),
+        "map": dataclasses.asdict(map_settings),
+        "T_world_organ": stage.T_world_organ,
+        "n_poses": stage.workspace.n_poses,
+        "n_hinges": int(stage.hinge_mask.sum()),
+        "n_search_points": len(stage.search_points_m),
+    }
+
+
+def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
+    """Append a step to the tables, write its motion and replace the map."""
+    carrier, workspace = episode.stage.carrier, episode.stage.workspace
+    position_m, normal = workspace.positions_m[step.pose_index], workspace.normals[step.pose_index]
+    folder.append_row(
+        "steps.csv",
+        {
+            "step": step.step,
+            "pose_index": step.pose_index,
+            **{f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")},
+            **{f"normal_{axis}": normal[i] for i, axis in enumerate("xyz")},
+            **dict(zip(carrier.joint_names, step.ik.q, strict=True)),
+            "position_error_m": step.ik.position_error_m,
+            "angle_error_rad": step.ik.angle_error_rad,
+            "n_points": len(step.reading.points_m),
+            "n_occupied": int(step.reading.is_occupied.sum()),
+            "sensed_fraction": step.sensed_fraction,
+            "auprc": step.auprc,
+            "n_skipped": len(step.skipped),
+            "motion_s": step.motion.motion_s,
+            "procedure_s": step.procedure_s,
+            "joint_travel_rad": step.motion.joint_travel_rad,
+            "tip_path_m": step.motion.tip_path_m,
+            "tracking_error_m": step.motion.tracking_error_m,
+            "tracking_error_rad": step.motion.tracking_error_rad,
+            "contact_force_n": step.motion.contact_force_n,
+            "peak_force_n": step.motion.peak_force_n,
+            **{name: getattr(step, name) for name in SECONDS},
+        },
+    )
+    for skipped in step.skipped:
+        row = {"step": step.step, "pose_index": skipped.pose_index, "reason": skipped.reason}
+        folder.append_row("skipped.csv", row)
+    for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
+        row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
+        folder.append_row("states.csv", row | dict(zip(carrier.joint_names, q, strict=True)))
+    write_motion(folder, step.step, step.motion)
+    write_map(folder, episode, is_final=False)
+
+
+def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
+    """Write the map as arrays on the query lattice; NaN outside the organ."""
+    stage, prediction = episode.stage, episode.prediction
+    if prediction is None:
+        return
+
+    def on_lattice(values: np.ndarray, fill: float | bool) -> np.ndarray:
+        field_values = np.full(stage.query.n_points, fill, dtype=np.float32 if fill is not False else bool)
+        field_values[stage.is_inside] = values
+        return field_values.reshape(stage.query.shape)
+
+    x_m, y_m, z_m = stage.query.axes_m
+    folder.write_arrays(
+        "map.npz",
+        compressed=is_final,
+        x_m=x_m,
+        y_m=y_m,
+        z_m=z_m,
+        probability=on_lattice(prediction.probability, np.nan),
+        latent_mean=on_lattice(prediction.latent_mean, np.nan),
+        latent_variance=on_lattice(prediction.latent_variance, np.nan),
+        is_tumour=on_lattice(episode.truth.is_tumour, False),
+        is_inside=stage.is_inside.reshape(stage.query.shape),
+    )

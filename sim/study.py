@@ -164,7 +164,7 @@ def option_value(name: str, value: Any) -> Any:
         UsageError: The value has another type.
     """
     hint = _hints()[name]
-    for kind in typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,):
+    for kind in _kinds(hint):
         if (converted := _converted(kind, value)) is not None:
             return converted
     raise UsageError(f"{name}={value!r}: {_wanted(hint)}.")
@@ -223,12 +223,20 @@ def _converted(kind: Any, value: Any) -> Any:
     return value if type(value) is kind else None
 
 
+def _kinds(hint: Any) -> tuple[Any, ...]:
+    """The alternatives of a type: `X | None` is one kind of union, `Literal[...] | None` another."""
+    return typing.get_args(hint) if typing.get_origin(hint) in (types.UnionType, typing.Union) else (hint,)
+
+
 def _wanted(hint: Any) -> str:
-    if typing.get_origin(hint) is Literal:
-        return f"one of {', '.join(typing.get_args(hint))}"
-    kinds = [kind for kind in typing.get_args(hint) or (hint,) if kind not in (types.NoneType, ...)]
+    return " or ".join(_kind_in_words(kind) for kind in _kinds(hint) if kind is not types.NoneType)
+
+
+def _kind_in_words(kind: Any) -> str:
+    if typing.get_origin(kind) is Literal:
+        return f"one of {', '.join(typing.get_args(kind))}"
     names = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
-    return " or ".join(names.get(kind, "a path, or a list of them") for kind in kinds)
+    return names.get(kind, "a path, or a list of them")
 
 
 def _described(values: Values) -> Any:

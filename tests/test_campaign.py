@@ -84,7 +84,12 @@ def test_a_row_is_what_a_single_episode_says(study, campaign, tmp_path) -> None:
     assert [row["planner"] for row in rows] == ["expected-improvement"] * 4 + ["random"] * 4
     assert [int(row["seed"]) for row in rows] == [*range(4), *range(4)]
     options = EpisodeOptions(
-        scenario=str(study.parent / "ball.toml"), arm="none", steps=3, seed=3, out=tmp_path / "run"
+        scenario=str(study.parent / "ball.toml"),
+        planner="expected-improvement",
+        arm="none",
+        steps=3,
+        seed=3,
+        out=tmp_path / "run",
     )
     summary = run_episode(options, show_progress=False)
     row = rows[3]

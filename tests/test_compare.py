@@ -134,13 +134,13 @@ def test_settings_that_differ_name_the_contenders(tmp_path) -> None:
     entries = [
         map_entry(seed, "expected-improvement", [0.1, value], **more)
         for seed in range(6)
-        for value, more in ((0.5, {}), (0.7, {"prior_prevalence": 0.1}))
+        for value, more in ((0.5, {}), (0.7, {"ei_threshold_deg": 10.0}))
     ]
     comparison = compare_groups(load_groups([write(tmp_path / "one", entries)]))
     names = {group.contender for group in comparison.groups}
     assert names == {
-        "expected-improvement, prior_prevalence 0.5",
-        "expected-improvement, prior_prevalence 0.1",
+        "expected-improvement, ei_threshold_deg 5.0",
+        "expected-improvement, ei_threshold_deg 10.0",
     }
     (pairing,) = [pairing for pairing in comparison.pairings if pairing.measure.key == "auprc"]
     assert abs(pairing.estimate.difference.mean) == pytest.approx(0.2)

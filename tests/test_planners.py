@@ -277,7 +277,9 @@ def test_one_single_pose_is_all_there_is():
 
 
 def test_an_unknown_name_or_option_lists_what_exists():
-    with pytest.raises(PlannerError, match="expected-improvement, find-and-outline, random, multi-resolution"):
+    with pytest.raises(
+        PlannerError, match="expected-improvement, find-and-outline, random, multi-resolution"
+    ):
         make_planner("greedy")
     with pytest.raises(PlannerError, match="it has values, pose_rule"):
         make_planner("expected-improvement", threshold_deg=5)

@@ -15,7 +15,7 @@ TESTS ?=
 
 help:
 	@echo "make episode   set up, then run one episode; ends with its folder and results"
-	@echo "               SCENARIO=liver|sphere|spheres|FILE.toml PLANNER=expected-improvement|random|multi-resolution"
+	@echo "               SCENARIO=liver|sphere|spheres|FILE.toml PLANNER=expected-improvement|find-and-outline|random|..."
 	@echo "               STEPS=30 SEED=0 ARM=default|none|FILE.xml FRAMES=each|last|none OUT=folder ARGS='more options'"
 	@echo "make paper     run the paper's experiments and write docs/results.md and its figures (JOBS=2 processes)"
 	@echo "make doctor    what is installed, what renders, and what to do about each red line"

@@ -33,9 +33,9 @@ class BallPrior:
 
     n_balls: int = 3000
     """Balls drawn; their error in a share of the organ is below 1 / sqrt(n)."""
-    radius_range_m: tuple[float, float] = (0.005, 0.025)
-    """Radii [m], even in the logarithm: from what ultrasound makes out to what nobody overlooks."""
-    overlap_share: float = 0.5
+    radius_range_m: tuple[float, float] = (0.003, 0.025)
+    """Radii [m], even in the logarithm: from what ultrasound just makes out to what nobody overlooks."""
+    overlap_share: float = 0.75
     """How deep into a ball a cone has to reach to find it, as a share of the radius."""
     radius_power: float = 1.0
     """Balls count by this power of their radius."""

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ class MultiResolution(Planner):
     round repeats for ever.
     """
 
+    preferred_map: ClassVar[Literal["paper", "calibrated"]] = "paper"
     needs_belief: ClassVar[bool] = False
 
     def rank(self, situation: Situation) -> Iterator[int]:

@@ -11,7 +11,7 @@ class Planner(ABC):
     """Ranks sensing poses; it holds settings alone, so that one planner serves any number of episodes."""
 
     preferred_map: ClassVar[Literal["paper", "calibrated"]] = "calibrated"
-    """Which of the map's settings the planner is at its best with."""
+    """Which of the map's settings the planner was made for."""
     needs_belief: ClassVar[bool]
     """Whether the ranking looks at the prediction; if not, an episode may leave the map out."""
 

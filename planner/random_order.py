@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from .situation import Situation
 class RandomOrder(Planner):
     """Senses in an order drawn uniformly from all orders of the workspace's poses, without replacement."""
 
+    preferred_map: ClassVar[Literal["paper", "calibrated"]] = "paper"
     needs_belief: ClassVar[bool] = False
 
     def rank(self, situation: Situation) -> Iterator[int]:

@@ -95,7 +95,7 @@ class EpisodeOptions:
     map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
     map_settings: Literal["paper", "calibrated"] | None = None
-    """By default what the planner prefers: paper for expected-improvement, calibrated for the others. paper is what the
+    """By default what the planner prefers: paper for expected-improvement and the baselines, else calibrated. paper is what the
     paper assumes, half of the organ tumour, under which expected improvement explores; calibrated expects 2 per cent,
     and its probabilities mean what they say."""
     prior_prevalence: float | None = None

@@ -60,7 +60,10 @@ def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
     episode = make_episode(options, stage, planner=ahead, casts_rays=options.keeps_map())
     setup_s = perf_counter() - setup_start_s
     tally = Tally()
-    for step in episode.steps(options.steps, until_sensed=options.until_sensed):
+    steps = episode.steps(
+        options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
+    )
+    for step in steps:
         tally.add(step)
     summary = episode_summary(options, episode, tally, episode.metrics())
     measured = (*tally.seconds(), *MEASURED)

@@ -30,7 +30,7 @@ class TrialsOptions:
     scenario: tuple[str, ...] = ()
     """Scenarios: sphere, spheres, liver, or paths of scenario files; liver by default."""
     planner: tuple[str, ...] = ()
-    """Planners; expected-improvement by default."""
+    """Planners; find-and-outline by default."""
     arm: tuple[str, ...] = ()
     """Arms: default, none, or paths of MJCF files; default by default."""
     trials: int | None = None

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from mapping import MapSettings
-from planner import Planner, make_planner
+from planner import Planner, make_planner, planner_names
 from sim.carrier import Carrier
 from sim.episode import Episode
+from sim.errors import UsageError
+from sim.options import EpisodeOptions
 from sim.stage import Stage
 from sim.world.ik_result import IkResult, IkStatus
 
@@ -137,3 +139,40 @@ def test_it_stops_when_enough_is_sensed(sphere_stage) -> None:
 def test_a_planner_that_needs_the_map_cannot_go_without(sphere_stage) -> None:
     with pytest.raises(ValueError, match="has_map"):
         Episode(sphere_stage, make_planner("expected-improvement"), seed=0, has_map=False)
+
+
+def test_before_anything_is_found_the_search_is_the_same_for_every_truth(sphere_stage) -> None:
+    poses, n_blind = [], []
+    for seed in (3, 4):
+        episode = Episode(sphere_stage, make_planner("find-and-outline"), seed=seed)
+        steps = list(episode.steps(4))
+        poses.append([step.pose_index for step in steps])
+        is_found = [bool(step.reading.is_occupied.any()) for step in steps]
+        n_blind.append(is_found.index(True) if any(is_found) else len(steps) - 1)
+    same = min(n_blind) + 1  # up to the choice made before the first of them found anything
+    assert same >= 2
+    assert poses[0][:same] == poses[1][:same]
+
+
+def test_without_tumours_it_ends_by_itself_when_the_planner_is_confident(sphere_stage) -> None:
+    stage = replace(sphere_stage, scenario=replace(sphere_stage.scenario, n_tumours=0))
+    episode = Episode(stage, make_planner("find-and-outline"), seed=0)
+    steps = list(episode.steps(30, until_confident=0.4))
+    assert 1 < len(steps) < 30
+    assert episode.confidence() >= 0.4
+
+
+def test_planners_say_which_map_they_were_made_for() -> None:
+    chosen = {
+        name: EpisodeOptions(planner=name).make_map_settings().prior_prevalence for name in planner_names()
+    }
+    assert chosen == {
+        "expected-improvement": 0.5,
+        "find-and-outline": 0.02,
+        "random": 0.5,
+        "multi-resolution": 0.5,
+    }
+    asked = EpisodeOptions(planner="find-and-outline", map_settings="paper")
+    assert asked.make_map_settings().prior_prevalence == 0.5
+    with pytest.raises(UsageError, match="--until-confident 1"):
+        EpisodeOptions(until_confident=1.0)

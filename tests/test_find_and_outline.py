@@ -16,7 +16,7 @@ from planner.hidden_balls import BallPrior, distance_to_cones, hidden_balls
 POINTS = box_points()
 PRIOR_MEAN = np.full(len(POINTS), -4.0)
 CONE = Cone(math.radians(11.5), 0.102)
-FEW = BallPrior(n_balls=400)
+FEW = BallPrior(n_balls=400, radius_range_m=(0.005, 0.025), overlap_share=0.5)
 PLANNER = FindAndOutline(balls=FEW)
 
 

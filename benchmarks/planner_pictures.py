@@ -1,0 +1,104 @@
+"""What each planner chooses on one seed, from above: `python -m benchmarks.planner_pictures`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from planner import planner_names
+from sim.episode import Episode, Step
+from sim.figures import BLUE, GRID, INK, MUTED, VERMILION
+from sim.options import EpisodeOptions
+from sim.stage import build_stage
+
+_MM_PER_M = 1e3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Which episode to draw."""
+
+    scenario: str = "sphere"
+    """Its scenario."""
+    seed: int = 1001
+    """Its seed."""
+    steps: int = 40
+    """Actions at most; an episode ends once 95 % was sensed."""
+    out: Path = Path("docs/figures/planners.png")
+    """The picture to write."""
+
+
+def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
+    """One planner's episode with a free probe."""
+    asked = EpisodeOptions(scenario=options.scenario, planner=planner, seed=options.seed, arm="none")
+    settings = asked.make_map_settings()
+    stage = build_stage(asked.make_scenario(), None, settings)
+    episode = Episode(stage, asked.make_planner(), seed=options.seed, map_settings=settings)
+    return episode, list(episode.steps(options.steps, until_sensed=0.95))
+
+
+def draw(axes: Axes, name: str, episode: Episode, steps: list[Step]) -> None:
+    """Footprints of the cones halfway down, numbered in order, with the true tumours."""
+    for tumour in episode.truth.anatomy.tumours:
+        low_m, high_m = tumour.bounds_m
+        middle_mm = _MM_PER_M * (low_m + high_m)[:2] / 2
+        radius_mm = _MM_PER_M * (high_m - low_m)[:2].max() / 2
+        axes.add_patch(Circle((middle_mm[0], middle_mm[1]), radius_mm, color=INK, alpha=0.25, linewidth=0))
+    workspace, cone = episode.stage.workspace, episode.stage.cone
+    for step in steps:
+        position_m, normal = workspace.positions_m[step.pose_index], workspace.normals[step.pose_index]
+        middle_mm = _MM_PER_M * (position_m + 0.5 * cone.depth_m * normal)[:2]
+        radius_mm = _MM_PER_M * 0.5 * cone.depth_m * math.tan(cone.half_angle_rad)
+        colour = VERMILION if step.reading.is_occupied.any() else BLUE
+        axes.add_patch(
+            Circle((middle_mm[0], middle_mm[1]), radius_mm, fill=False, color=colour, linewidth=1.0)
+        )
+        axes.text(*middle_mm, str(step.step), color=colour, fontsize=7, ha="center", va="center")
+    frame_outline(axes, workspace.positions_m)
+    is_done = (steps[-1].sensed_fraction or 0.0) >= 0.95
+    axes.set_title(
+        f"{name}: {len(steps)} sensings" + ("" if is_done else ", not done"), fontsize=10, loc="left"
+    )
+
+
+def frame_outline(axes: Axes, positions_m: NDArray[np.float64]) -> None:
+    """Limits and labels in millimetres around the workspace."""
+    low_mm, high_mm = _MM_PER_M * positions_m.min(axis=0)[:2], _MM_PER_M * positions_m.max(axis=0)[:2]
+    axes.set(xlim=(low_mm[0] - 8, high_mm[0] + 8), ylim=(low_mm[1] - 8, high_mm[1] + 8), aspect="equal")
+    axes.set_xlabel("x [mm]", fontsize=8, color=MUTED)
+    axes.set_ylabel("y [mm]", fontsize=8, color=MUTED)
+    axes.tick_params(labelsize=7, colors=MUTED)
+    axes.grid(color=GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def main(options: Options) -> None:
+    """Draw a panel per planner and write the picture."""
+    figure = Figure(figsize=(9.0, 9.6), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    with threadpool_limits(1):
+        for place, name in enumerate(planner_names(), start=1):
+            draw(figure.add_subplot(2, 2, place), name, *play(options, name))
+    figure.suptitle(
+        f"{options.scenario}, seed {options.seed}, from above: the cones halfway down in order, vermilion where the "
+        "reading held tumour; the tumour in grey",
+        fontsize=9,
+        color=MUTED,
+    )
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(options.out)
+    print(options.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

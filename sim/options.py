@@ -95,9 +95,9 @@ class EpisodeOptions:
     map_form: Annotated[Literal["full", "diagonal"], tyro.conf.arg(name="map-form")] = "full"
     """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
     map_settings: Literal["paper", "calibrated"] | None = None
-    """By default what the planner prefers: paper for expected-improvement and the baselines, else calibrated. paper is what the
-    paper assumes, half of the organ tumour, under which expected improvement explores; calibrated expects 2 per cent,
-    and its probabilities mean what they say."""
+    """By default what the planner prefers: paper for expected-improvement and the baselines, else calibrated. paper is
+    what the paper assumes, half of the organ tumour, under which expected improvement explores; calibrated expects 2
+    per cent, and its probabilities mean what they say."""
     prior_prevalence: float | None = None
     """Share of the organ expected to be tumour before anything is sensed, in place of --map-settings'."""
     weight_variance: float | None = None

@@ -229,9 +229,9 @@ def test_the_confidence_is_the_negative_binomials_chance_of_no_more():
 
 def test_without_a_tumour_it_becomes_sure_and_with_an_open_one_it_is_not():
     workspace = flat_workspace()
-    sensed, _ = play(PLANNER, 40, workspace)
+    sensed, _ = play(PLANNER, 50, workspace)
     confidences = [
-        PLANNER.confidence(situation(workspace=workspace, sensed=sensed[:n])) for n in (1, 5, 10, 20, 40)
+        PLANNER.confidence(situation(workspace=workspace, sensed=sensed[:n])) for n in (1, 5, 10, 20, 50)
     ]
     assert all(later >= earlier for earlier, later in itertools.pairwise(confidences))
     assert confidences[-1] > 0.95

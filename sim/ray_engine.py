@@ -6,8 +6,8 @@ import itertools
 import logging
 from collections.abc import Iterable, Iterator
 
-import ray
-from ray.exceptions import RayError, WorkerCrashedError
+import ray  # pyright: ignore[reportMissingImports], an extra that need not be there
+from ray.exceptions import RayError, WorkerCrashedError  # pyright: ignore[reportMissingImports]
 
 from .engine import MAX_TRIES, POLL_S, Engine, Outcome, Work, run_there
 from .errors import UsageError

@@ -26,12 +26,15 @@ def draw_sensings(path: Path, comparison: Comparison, case: str) -> bool:
     if not groups:
         return False
     horizon = horizon_of(groups)
-    figure, axes = new_figure(width_in=2.2 + 1.5 * len(groups), height_in=4.4)
+    margins_in = (0.72, 0.22, 0.85, 0.52)
+    figure, axes = new_figure(width_in=2.2 + 1.5 * len(groups), height_in=4.6, margins_in=margins_in)
+    labels = []
     for place, group in enumerate(groups):
         score = comparison.score(case, group.contender, SENSINGS.key)
         assert score is not None
         _draw_bar(axes, place, score, measured(group, SENSINGS, horizon), COLOURS[place % len(COLOURS)])
-    axes.set_xticks(range(len(groups)), [_wrapped(group.contender) for group in groups])
+        labels.append(_bar_label(score))
+    axes.set_xticks(range(len(groups)), labels)
     axes.set(ylabel="sensing actions to 95 %", xlim=(-0.6, len(groups) - 0.4), ylim=(0, None))
     axes.grid(visible=False, axis="x")
     if np.isfinite(horizon):
@@ -57,17 +60,12 @@ def _draw_bar(axes: Axes, place: int, score: Score, values: NDArray[np.float64],
             capsize=4,
             linewidth=1.6,
         )
-    text = f"{estimate.mean:.1f}" + (f"\n{score.n_never} never" if score.n_never else "")
-    axes.annotate(
-        text,
-        (place, estimate.mean),
-        xytext=(-20, 4),
-        textcoords="offset points",
-        ha="center",
-        fontsize=10,
-        color=INK,
-        fontweight="bold",
-    )
+
+
+def _bar_label(score: Score) -> str:
+    """Name, mean and the number of trials that never got there; beside the bar it would lie among the dots."""
+    never = f", {score.n_never} never" if score.n_never else ""
+    return f"{_wrapped(score.contender)}\n$\\bf{{{score.estimate.mean:.1f}}}${never}"
 
 
 def draw_reached(path: Path, comparison: Comparison, case: str) -> bool:

@@ -41,6 +41,8 @@ class FindAndOutline(Planner):
     """What a ball still counts each time that it was looked at and nothing was found."""
     travel_per_m: float = 0.0
     """How much the way there counts: a pose's score is divided by 1 + this times the way of the tip [1/m]."""
+    sure_radius_m: float = 0.005
+    """Confidence that nothing is left speaks of tumours of this radius and more [m]."""
     balls: BallPrior = field(default_factory=BallPrior)
     """What the search takes for possible."""
 
@@ -101,7 +103,7 @@ class FindAndOutline(Planner):
         return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
 
     def confidence(self, situation: Situation) -> float:
-        """Probability that no tumour is left to find; 0 while one is left to outline.
+        """Probability that no tumour of the radius or more is left to find; 0 while one is left to outline.
 
         The number of tumours is Poisson of unknown rate with Jeffreys' prior. With k found among the share C of
         what could hide, the rate is Gamma(k + 1/2, C), and none is left with probability C^(k + 1/2).
@@ -112,8 +114,9 @@ class FindAndOutline(Planner):
         if np.max(self.outline_score(situation), where=is_left, initial=0.0) >= self.least_gain_m3:
             return 0.0
         balls = self._hidden(situation)
-        is_found = balls.times_found(situation.sensed) > 0
-        is_findable = is_found | (balls.finds.T @ is_left.astype(np.float32) > 0)
+        is_large = balls.radii_m >= self.sure_radius_m
+        is_found = is_large & (balls.times_found(situation.sensed) > 0)
+        is_findable = is_found | is_large & (balls.finds.T @ is_left.astype(np.float32) > 0)
         share = float(balls.weights[is_found].sum() / max(balls.weights[is_findable].sum(), 1e-30))
         lattice = fine_lattice(situation.search_points_m)
         tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)

@@ -64,22 +64,32 @@ def in_own_process(growth: str, n_hinges: int, n_readings: int, n_threads: int) 
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
+def grown_box_m(growth: str, counts: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the box that the hinges fill: it grows with them, or they come closer."""
+    if growth == "resolution":
+        low_m, high_m = np.array(BOX_M, dtype=float)
+        return low_m, high_m
+    extent_m = (np.array(counts) - 1) * 0.01125
+    return np.array([-extent_m[0] / 2, -extent_m[1] / 2, -extent_m[2]]), extent_m * (0.5, 0.5, 0.0)
+
+
+def map_settings(lattice: Lattice) -> MapSettings:
+    """The kernel of the paper's width in spacings, in the form that the size asks for."""
+    spacing_m = float(lattice.axes_m[0][1] - lattice.axes_m[0][0])
+    return MapSettings(
+        hinge_spacing_m=spacing_m,
+        gamma_per_m2=0.703125 / spacing_m**2,
+        form="full" if lattice.n_points < 5000 else "local",
+        n_em_iterations=3,
+    )
+
+
 def measure(growth: str, n_hinges: int, n_readings: int) -> dict:
     counts = COUNTS[n_hinges]
     scale = (np.array(counts) - 1) / 16 if growth == "organ" else np.ones(3)
-    low_m, high_m = np.array(BOX_M, dtype=float)
-    if growth == "organ":
-        extent_m = (np.array(counts) - 1) * 0.01125
-        low_m, high_m = (
-            np.array([-extent_m[0] / 2, -extent_m[1] / 2, -extent_m[2]]),
-            extent_m * (0.5, 0.5, 0.0),
-        )
+    low_m, high_m = grown_box_m(growth, counts)
     lattice = Lattice.from_counts(low_m, high_m, counts=counts)
-    spacing_m = float(lattice.axes_m[0][1] - lattice.axes_m[0][0])
-    form = "full" if n_hinges < 5000 else "local"
-    settings = MapSettings(
-        hinge_spacing_m=spacing_m, gamma_per_m2=0.703125 / spacing_m**2, form=form, n_em_iterations=3
-    )
+    settings = map_settings(lattice)
     belief = HilbertMap(lattice, settings, query=lattice)
     truth_rng, pose_rng, sensor_rng = np.random.default_rng(0).spawn(3)
     truth = Spheres.planted(truth_rng)
@@ -99,7 +109,7 @@ def measure(growth: str, n_hinges: int, n_readings: int) -> dict:
     return {
         "growth": growth,
         "n_hinges": lattice.n_points,
-        "form": form,
+        "form": settings.form,
         "median_s": float(np.median(times[half:])),
         "least_s": float(np.min(times[half:])),
         "rank": float(np.median(ranks[half:])),

@@ -1,12 +1,14 @@
-"""Arrays on disk: one npz file with a format name and a version, written whole or not at all, read without
-pickle.
+"""Files that are written whole or not at all, and the map's: an npz with a format name and a version, read
+without pickle.
 """
 
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +17,19 @@ FORMAT = "sounding hilbert map"
 VERSION = 3
 
 
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A file that takes the place of another once it is written whole, as a context manager."""
+    partial = path.with_name(f".{path.name}.part")
+    with partial.open("wb") as file:
+        yield file
+    partial.replace(path)
+
+
 def write_arrays(path: Path, arrays: Mapping[str, NDArray]) -> None:
     """Writes arrays under their names, beside the format and its version."""
-    partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
+    with replacing(path) as file:
         np.savez(file, allow_pickle=False, format=np.array(FORMAT), version=np.array(VERSION), **arrays)
-    partial.replace(path)
 
 
 def read_arrays(path: Path) -> dict[str, NDArray]:

@@ -12,10 +12,11 @@ from threadpoolctl import threadpool_limits
 
 from .arm_options import ReachOptions
 from .arms import NAMED_ARMS
+from .claimed_folder import check_out_folder
 from .reach import ArmStudy, arm_of, study_arm
 from .reach_figures import draw_arms
 from .reach_tables import check_parquet, csv_text
-from .recording import RunFolder, check_out_folder
+from .recording import RunFolder
 from .theatre import build_theatre
 
 COLUMNS = {

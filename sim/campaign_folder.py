@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from mapping.storage import replacing
+
+from .claimed_folder import ClaimedFolder
 from .errors import UsageError
 from .journal import Journal
-from .recording import check_out_folder, describe_machine
+from .recording import describe_machine
 from .scenarios import load_scenario
 from .study import Study
-from .trial_tables import TABLES, replacing, write_tables
+from .trial_tables import TABLES, write_tables
 
 FORMAT = 1
-STUDY, JOURNAL, LOCK = "study.json", "journal.jsonl", ".lock"
+STUDY, JOURNAL = "study.json", "journal.jsonl"
 CODE = ("sounding", "commit", "packages")
 """What of the machine's description the rows depend on."""
 
 
-class CampaignFolder:
+class CampaignFolder(ClaimedFolder):
     """A folder that one call owns while it is open, as a context manager."""
 
     journal: Journal
@@ -36,20 +37,7 @@ class CampaignFolder:
         Raises:
             UsageError: The folder holds something else, belongs to a running call, or cannot be written.
         """
-        check_out_folder(path, overwrite=False)
-        self.path = path
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            self._lock = (path / LOCK).open("w")
-        except OSError as error:
-            raise UsageError(
-                f"{path}: cannot write there ({error.strerror}). Choose another --out."
-            ) from error
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            self._lock.close()
-            raise UsageError(f"{path}: another campaign is running there. Choose another --out.") from error
+        super().__init__(path, what="campaign", overwrite=False)
         if overwrite:
             for name in (STUDY, JOURNAL, *TABLES):
                 (path / name).unlink(missing_ok=True)
@@ -106,17 +94,7 @@ class CampaignFolder:
         """Close the journal and let the folder go."""
         if hasattr(self, "journal"):
             self.journal.close()
-        self._lock.close()
-
-    def __enter__(self) -> Self:
-        """The folder itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Let the folder go."""
-        self.close()
+        super().close()
 
 
 def read_study(path: Path) -> dict[str, Any] | None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .comparison import SENSINGS, Comparison, Pairing, Score
-from .estimates import Interval
+from .estimates import Interval, MeanEstimate
 
 SCORE_HEAD = ("contender", "trials", "mean ± sd", "95 % interval", "median [95 %]", "never", "failed")
 PAIR_HEAD = ("pair", "seeds", "mean difference [95 %]", "wins / ties / losses", "win rate [95 %]")
@@ -94,46 +94,49 @@ def interval_text(interval: Interval, form: str) -> str:
 
 def flat_rows(comparison: Comparison) -> list[dict[str, Any]]:
     """Scores and pairings as rows of one CSV file, with all their digits."""
-    scores = [
-        {
-            "case": score.case,
-            "measure": score.measure.key,
-            "contender": score.contender,
-            "against": "",
-            "n": score.estimate.n,
-            "mean": score.estimate.mean,
-            "deviation": score.estimate.deviation,
-            "low": score.estimate.interval[0],
-            "high": score.estimate.interval[1],
-            "median": score.median,
-            "median_low": score.median_interval[0],
-            "median_high": score.median_interval[1],
-            "horizon": score.horizon,
-            "n_never": score.n_never,
-            "n_failed": score.n_failed,
-        }
-        for score in comparison.scores
-    ]
-    pairs = [
-        {
-            "case": pairing.case,
-            "measure": pairing.measure.key,
-            "contender": pairing.first,
-            "against": pairing.second,
-            "n": pairing.estimate.n,
-            "mean": pairing.estimate.difference.mean,
-            "deviation": pairing.estimate.difference.deviation,
-            "low": pairing.estimate.difference.interval[0],
-            "high": pairing.estimate.difference.interval[1],
-            "n_wins": pairing.estimate.n_wins,
-            "n_ties": pairing.estimate.n_ties,
-            "win_rate": pairing.estimate.win_rate,
-            "win_low": pairing.estimate.win_interval[0],
-            "win_high": pairing.estimate.win_interval[1],
-        }
-        for pairing in comparison.pairings
-    ]
-    return [*scores, *pairs]
+    return [*map(_score_row, comparison.scores), *map(_pairing_row, comparison.pairings)]
+
+
+def _score_row(score: Score) -> dict[str, Any]:
+    return {
+        "case": score.case,
+        "measure": score.measure.key,
+        "contender": score.contender,
+        "against": "",
+        **_estimate_cells(score.estimate),
+        "median": score.median,
+        "median_low": score.median_interval[0],
+        "median_high": score.median_interval[1],
+        "horizon": score.horizon,
+        "n_never": score.n_never,
+        "n_failed": score.n_failed,
+    }
+
+
+def _pairing_row(pairing: Pairing) -> dict[str, Any]:
+    estimate = pairing.estimate
+    return {
+        "case": pairing.case,
+        "measure": pairing.measure.key,
+        "contender": pairing.first,
+        "against": pairing.second,
+        **_estimate_cells(estimate.difference),
+        "n_wins": estimate.n_wins,
+        "n_ties": estimate.n_ties,
+        "win_rate": estimate.win_rate,
+        "win_low": estimate.win_interval[0],
+        "win_high": estimate.win_interval[1],
+    }
+
+
+def _estimate_cells(estimate: MeanEstimate) -> dict[str, Any]:
+    return {
+        "n": estimate.n,
+        "mean": estimate.mean,
+        "deviation": estimate.deviation,
+        "low": estimate.interval[0],
+        "high": estimate.interval[1],
+    }
 
 
 def _failures(comparison: Comparison, case: str) -> list[str]:

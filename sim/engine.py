@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
+from .closing import Closing
 from .errors import UsageError
 from .study import Trial
 from .trial_result import TrialResult
@@ -29,7 +29,7 @@ class Outcome:
     result: TrialResult
 
 
-class Engine(ABC):
+class Engine(Closing):
     """Runs trials in processes of its own, as a context manager; leaving it stops what still runs."""
 
     @abstractmethod
@@ -42,16 +42,6 @@ class Engine(ABC):
     @abstractmethod
     def close(self) -> None:
         """Stop the trials that still run, and let the processes go."""
-
-    def __enter__(self) -> Self:
-        """The engine itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Let the processes go."""
-        self.close()
 
 
 def run_there(trial: Trial) -> TrialResult:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 
+from mapping.storage import replacing
+
 from .captions import captioned
+from .closing import Closing
 from .episode import Episode, Step
 from .png import png_bytes
 from .world.rendering import Overlay, SceneRenderer
@@ -18,22 +22,30 @@ LIKELY = 0.7
 """Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
 
 
-class FrameWriter:
-    """Draws the states of one episode into a folder; a context manager."""
+class EpisodeFrames(Closing):
+    """The frames of one episode, drawn into the folder `frames` of its run; none without a renderer."""
 
-    def __init__(self, folder: Path, renderer: SceneRenderer, episode: Episode) -> None:
-        """Write to `folder` what `renderer` draws of `episode`."""
-        self._folder, self._renderer, self._episode = folder, renderer, episode
+    def __init__(self, run_path: Path, episode: Episode, renderer: SceneRenderer | None) -> None:
+        """Draw with `renderer`, which knows the scene of `episode`, below `run_path`."""
+        self._folder, self._renderer, self._episode = run_path / "frames", renderer, episode
         self._pool = ThreadPoolExecutor(max_workers=1)
         self._pending: list[Future[None]] = []
         self._cell_size_m = float(np.diff(episode.stage.query.axes_m[0]).min())
+        self.draw_s = 0.0
+        """Seconds that drawing kept the episode waiting."""
+        if renderer is not None:
+            self._folder.mkdir(exist_ok=True)
 
-    def write(self, name: str, step: Step) -> None:
+    def draw(self, name: str, step: Step) -> None:
         """Draw the episode's present state, at the pose of `step`, to `name` in the folder."""
+        if self._renderer is None:
+            return
+        start_s = perf_counter()
         pixels = self._renderer.render(self._episode.data, self._overlay(step))
         caption = _caption(self._episode, step)
         self._pending = [job for job in self._pending if not job.done() or job.result()]
         self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption))
+        self.draw_s += perf_counter() - start_s
 
     def _overlay(self, step: Step) -> Overlay:
         episode = self._episode
@@ -81,6 +93,5 @@ def _caption(episode: Episode, step: Step) -> str:
 
 
 def _save(path: Path, pixels: NDArray[np.uint8], caption: str) -> None:
-    partial = path.with_suffix(".part")
-    partial.write_bytes(png_bytes(captioned(pixels, caption)))
-    partial.replace(path)
+    with replacing(path) as file:
+        file.write(png_bytes(captioned(pixels, caption)))

@@ -7,16 +7,16 @@ import os
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from .closing import Closing
 from .study import key_of
 
 Entry = dict[str, Any]
 CHECKSUM_CHARACTERS = 8
 
 
-class Journal:
+class Journal(Closing):
     """An append-only file of entries, each with the `settings` of its trial. One process writes it."""
 
     def __init__(self, path: Path) -> None:
@@ -96,16 +96,6 @@ class Journal:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-    def __enter__(self) -> Self:
-        """The journal itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the file."""
-        self.close()
 
 
 def read_entries(path: Path) -> Iterator[Entry]:

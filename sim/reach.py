@@ -16,10 +16,11 @@ from .arm_options import ReachOptions
 from .arms import arm_named
 from .base_figures import draw_bases
 from .base_search import BaseQuestion, BaseSearch, search_base
+from .claimed_folder import check_out_folder
 from .reach_figures import draw_reach, draw_reasons
 from .reach_tables import base_rows, base_summary, check_parquet, study_rows, study_summary, write_parquet
 from .reachability import ReachStudy, reached_fraction, study_reach
-from .recording import RunFolder, check_out_folder
+from .recording import RunFolder
 from .theatre import Theatre, build_theatre
 from .world.arm import ArmModel
 from .world.ik_result import IkStatus
@@ -83,23 +84,8 @@ def study_arm(theatre: Theatre, options: ReachOptions, name: str, out: Path) -> 
         )
         if not study.is_reached.any():
             print(f"note: no pose is reached. {_why_nothing(theatre, study)}", file=sys.stderr)
-        rows = study_rows(study, theatre, search.chain)
-        for row in rows:
-            folder.append_row("reach.csv", row)
-        if options.parquet:
-            write_parquet(out / "reach.parquet", rows)
-        draw_reach(out / "reach.png", theatre.placed.organ, theatre.workspace, study)
-        draw_reasons(out / "reasons.png", study)
-        summary = {
-            "scenario": theatre.scenario.name,
-            "arm": name,
-            "seed": options.seed,
-            "jobs": options.jobs,
-            "n_joints": search.chain.n_joints,
-            "base_mm": list(options.base_mm),
-            "base_yaw_deg": options.base_yaw_deg,
-            **study_summary(study),
-        }
+        _write_study(study, theatre, search, options, folder)
+        summary = _summary(study, theatre, search, options, name)
         if options.base_search:
             summary["base_search"] = _search_base(
                 theatre, search, options, folder, float(study.is_reached.mean())
@@ -108,6 +94,34 @@ def study_arm(theatre: Theatre, options: ReachOptions, name: str, out: Path) -> 
         folder.write_json("summary.json", summary)
         folder.finish("finished")
     return ArmStudy(name, theatre, study, summary)
+
+
+def _write_study(
+    study: ReachStudy, theatre: Theatre, search: IkSearch, options: ReachOptions, folder: RunFolder
+) -> None:
+    """Write the study's tables and figures."""
+    rows = study_rows(study, theatre, search.chain)
+    for row in rows:
+        folder.append_row("reach.csv", row)
+    if options.parquet:
+        write_parquet(folder.path / "reach.parquet", rows)
+    draw_reach(folder.path / "reach.png", theatre.placed.organ, theatre.workspace, study)
+    draw_reasons(folder.path / "reasons.png", study)
+
+
+def _summary(
+    study: ReachStudy, theatre: Theatre, search: IkSearch, options: ReachOptions, name: str
+) -> dict[str, Any]:
+    return {
+        "scenario": theatre.scenario.name,
+        "arm": name,
+        "seed": options.seed,
+        "jobs": options.jobs,
+        "n_joints": search.chain.n_joints,
+        "base_mm": list(options.base_mm),
+        "base_yaw_deg": options.base_yaw_deg,
+        **study_summary(study),
+    }
 
 
 def _search_base(

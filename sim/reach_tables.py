@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from mapping.storage import replacing
+
 from .base_search import BaseSearch
 from .errors import UsageError
 from .reachability import ReachStudy
@@ -144,14 +146,13 @@ def check_parquet() -> None:
 def write_parquet(path: Path, rows: list[Row]) -> None:
     """Write rows as Parquet, at once: a reader sees the whole file or none."""
     pyarrow, parquet = _parquet_modules()
-    part = path.with_name(f".{path.name}.part")
     table = pyarrow.Table.from_pylist([_plain(row) for row in rows])
     kinds = [
         field.with_type(pyarrow.float64()) if field.type == pyarrow.null() else field
         for field in table.schema
     ]
-    parquet.write_table(table.cast(pyarrow.schema(kinds)), part)
-    part.replace(path)
+    with replacing(path) as file:
+        parquet.write_table(table.cast(pyarrow.schema(kinds)), file)
 
 
 def _parquet_modules() -> tuple[Any, Any]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import csv
-import fcntl
 import io
 import json
-import os
 import platform
 import subprocess
 import sys
@@ -14,16 +12,16 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_info
 
-from .errors import UsageError
+from mapping.storage import replacing
 
-MANIFEST = "manifest.json"
+from .claimed_folder import LOCK, MANIFEST, ClaimedFolder
+
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp", "toppra")
 WRITTEN = (
     "config.json",
@@ -42,24 +40,7 @@ WRITTEN = (
 """Files of a run besides the manifest, figures and frames."""
 
 
-def check_out_folder(path: Path, *, overwrite: bool) -> None:
-    """Nothing, if a run may be written to a folder; called early, so that no work is lost on a bad folder.
-
-    Raises:
-        UsageError: The path is a file, is not writable, or holds a run and `overwrite` is not set.
-    """
-    if path.exists() and not path.is_dir():
-        raise UsageError(f"{path}: is a file, not a folder. Choose another --out.")
-    existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise UsageError(f"{path}: cannot write there (no permission in {existing}). Choose another --out.")
-    if (path / MANIFEST).exists() and not overwrite:
-        raise UsageError(
-            f"{path}: already holds a run. Choose another --out, or add --overwrite to replace it."
-        )
-
-
-class RunFolder:
+class RunFolder(ClaimedFolder):
     """A folder that one run owns while it is open, as a context manager."""
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
@@ -68,21 +49,9 @@ class RunFolder:
         Raises:
             UsageError: The folder holds a run already, belongs to a running process, or cannot be written.
         """
-        check_out_folder(path, overwrite=overwrite)
-        self.path = path
+        super().__init__(path, what="run", overwrite=overwrite)
         self._tables: dict[str, tuple[io.TextIOWrapper, Any]] = {}
         self._manifest: dict[str, Any] = {}
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-            self._lock = (path / ".lock").open("w")
-        except OSError as error:
-            raise UsageError(
-                f"{path}: cannot write there ({error.strerror}). Choose another --out."
-            ) from error
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise UsageError(f"{path}: another run is writing there. Choose another --out.") from error
         self._remove_old_run()
 
     def begin(self, config: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
@@ -104,7 +73,7 @@ class RunFolder:
             writer.writeheader()
             self._tables[name] = (file, writer)
         file, writer = self._tables[name]
-        writer.writerow({key: _cell(value) for key, value in row.items()})
+        writer.writerow({key: table_cell(value) for key, value in row.items()})
         file.flush()
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
@@ -126,10 +95,8 @@ class RunFolder:
     def _replace(self, name: str, content: bytes) -> None:
         target = self.path / name
         target.parent.mkdir(exist_ok=True)
-        temporary = target.with_name(f".{target.name}.part")
-        with temporary.open("wb") as file:
+        with replacing(target) as file:
             file.write(content)
-        temporary.replace(target)
 
     def _remove_old_run(self) -> None:
         frames = self.path / "frames"
@@ -146,18 +113,8 @@ class RunFolder:
         """Close the tables and let the folder go."""
         for file, _ in self._tables.values():
             file.close()
-        self._lock.close()
-        (self.path / ".lock").unlink(missing_ok=True)
-
-    def __enter__(self) -> Self:
-        """The folder itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Let the folder go."""
-        self.close()
+        super().close()
+        (self.path / LOCK).unlink(missing_ok=True)
 
 
 def describe_machine() -> dict[str, Any]:
@@ -189,12 +146,14 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _cell(value: Any) -> Any:
-    """Text of a table's cell: floats with all their digits, None empty, truth as 0 or 1."""
+def table_cell(value: Any) -> Any:
+    """Text of a table's cell: floats with all their digits, None empty, truth as 0 or 1, lists as JSON."""
     if isinstance(value, bool | np.bool_):
         return int(value)
     if isinstance(value, float | np.floating):
         return repr(float(value))
+    if isinstance(value, list | dict):
+        return json.dumps(value)
     return "" if value is None else value
 
 

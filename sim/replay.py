@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from planner import Cone
 
 from .arms import arm_named
+from .claimed_folder import MANIFEST
 from .errors import UsageError
 from .motion import Motion
-from .recording import MANIFEST
 from .replay_options import ReplayOptions
 from .trajectories import read_anatomy, read_motions
 from .world.arm import ArmModel

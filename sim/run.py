@@ -13,13 +13,14 @@ from tqdm import tqdm
 from planner import Planner
 
 from .arms import arm_named
+from .claimed_folder import check_out_folder
 from .episode import Episode, Step
-from .frames import FrameWriter
+from .frames import EpisodeFrames
 from .interrupt import NotedInterrupt
 from .motion import ProcedureStoppedError
 from .movers import make_mover
 from .options import EpisodeOptions
-from .recording import RunFolder, check_out_folder
+from .recording import RunFolder
 from .run_figures import draw_run_figures
 from .run_files import run_config, write_map, write_step
 from .stage import Stage, build_stage
@@ -83,10 +84,8 @@ def run_episode(
     check_out_folder(out, overwrite=options.overwrite)
     map_settings = options.make_map_settings()
     options.check()
-    with (
-        threadpool_limits(limits=1),
-        ExitStack() as stack,
-    ):  # two BLAS pools on two threads fight; and bytes repeat
+    # One BLAS thread: two pools on two threads fight; and bytes repeat.
+    with threadpool_limits(limits=1), ExitStack() as stack:
         stage = stage or build_stage(scenario, arm_model(options), map_settings)
         episode = make_episode(options, stage)
         renderer = None
@@ -97,79 +96,77 @@ def run_episode(
         write_anatomy(folder, episode.truth.anatomy)
         for notice in (*stage.notices, *episode.truth.anatomy.notices) if show_progress else ():
             print(f"note: {notice}", file=sys.stderr)
+        recording = _Recording(options, folder, episode, EpisodeFrames(folder.path, episode, renderer))
         interrupt = stack.enter_context(NotedInterrupt())
-        return _record(episode, options, folder, renderer, interrupt, start_s, show_progress)
+        return recording.run(interrupt, start_s, show_progress=show_progress)
 
 
-def _record(
-    episode: Episode,
-    options: EpisodeOptions,
-    folder: RunFolder,
-    renderer: SceneRenderer | None,
-    interrupt: NotedInterrupt,
-    start_s: float,
-    show_progress: bool,
-) -> dict[str, Any]:
-    """Run the loop, writing as it goes, and close the folder whatever ends it."""
-    tally, setup_s, status = Tally(), perf_counter() - start_s, "finished"
-    frames = None
-    if renderer is not None:
-        (folder.path / "frames").mkdir(exist_ok=True)
-        frames = FrameWriter(folder.path / "frames", renderer, episode)
-    progress = tqdm(
-        total=options.steps, desc="sensing", unit="action", mininterval=0.5, disable=not show_progress
-    )
-    render_s = 0.0
-    try:
-        steps = episode.steps(
+class _Recording:
+    """An episode that is written as it goes, with its folder closed whatever ends it."""
+
+    def __init__(
+        self, options: EpisodeOptions, folder: RunFolder, episode: Episode, frames: EpisodeFrames
+    ) -> None:
+        self._options, self._folder, self._episode, self._frames = options, folder, episode, frames
+        self._tally, self._status = Tally(), "finished"
+
+    def run(self, interrupt: NotedInterrupt, start_s: float, *, show_progress: bool) -> dict[str, Any]:
+        """Sense until the end and return the summary; what began at `start_s` was the set-up until now."""
+        setup_s = perf_counter() - start_s
+        try:
+            self._sense(interrupt, show_progress=show_progress)
+        except KeyboardInterrupt:
+            self._status = "interrupted"
+            raise
+        except ProcedureStoppedError as error:
+            self._status = "stopped"
+            write_motion(self._folder, len(self._tally.steps) + 1, error.motion)
+            raise
+        finally:
+            summary = self._finish(setup_s, start_s)
+        return summary
+
+    def _sense(self, interrupt: NotedInterrupt, *, show_progress: bool) -> None:
+        options, draws_each = self._options, self._options.frames == "each"
+        steps = self._episode.steps(
             options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
         )
-        for step in steps:
-            tally.add(step)
-            write_step(folder, episode, step)
-            render_start_s = perf_counter()
-            if frames is not None and options.frames == "each":
-                frames.write(f"{step.step:04d}.png", step)
-            render_s += perf_counter() - render_start_s
-            progress.set_postfix_str(_postfix(step), refresh=False)
-            progress.update()
-            if interrupt.is_set:
-                raise KeyboardInterrupt
-    except KeyboardInterrupt:
-        status = "interrupted"
-        raise
-    except ProcedureStoppedError as error:
-        status = "stopped"
-        write_motion(folder, len(tally.steps) + 1, error.motion)
-        raise
-    finally:
-        progress.close()
-        if frames is not None:
-            if options.frames == "last" and tally.steps:
-                frames.write("final.png", tally.steps[-1])
-            frames.close()
-        summary = episode_summary(options, episode, tally, episode.metrics())
+        with tqdm(
+            total=options.steps, desc="sensing", unit="action", mininterval=0.5, disable=not show_progress
+        ) as progress:
+            for step in steps:
+                self._tally.add(step)
+                write_step(self._folder, self._episode, step)
+                if draws_each:
+                    self._frames.draw(f"{step.step:04d}.png", step)
+                progress.set_postfix_str(_postfix(step), refresh=False)
+                progress.update()
+                if interrupt.is_set:
+                    raise KeyboardInterrupt
+
+    def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
+        """Write the last frame, the final map, the figures and the summary."""
+        folder, episode, tally = self._folder, self._episode, self._tally
+        if self._options.frames == "last" and tally.steps:
+            self._frames.draw("final.png", tally.steps[-1])
+        self._frames.close()
+        summary = episode_summary(self._options, episode, tally, episode.metrics())
         summary |= {
             "folder": str(folder.path),
-            "status": status,
+            "status": self._status,
             "setup_s": setup_s,
-            "render_s": render_s,
+            "render_s": self._frames.draw_s,
             "wall_s": perf_counter() - start_s,
         }
-        _close_run(folder, episode, tally, summary)
-        folder.finish(status)
-    return summary
+        write_map(folder, episode, is_final=True)
+        if tally.steps:
+            draw_run_figures(folder.path, episode, tally.steps)
+        folder.write_json("summary.json", summary)
+        folder.finish(self._status)
+        return summary
 
 
 def _postfix(step: Step) -> str:
     auprc = "–" if step.auprc is None else f"{step.auprc:.2f}"
     sensed = "–" if step.sensed_fraction is None else f"{step.sensed_fraction:.0%}"
     return f"AUPRC {auprc}, sensed {sensed}"
-
-
-def _close_run(folder: RunFolder, episode: Episode, tally: Tally, summary: dict[str, Any]) -> None:
-    """Write the final map, the figures and the summary."""
-    write_map(folder, episode, is_final=True)
-    if tally.steps:
-        draw_run_figures(folder.path, episode, tally.steps)
-    folder.write_json("summary.json", summary)

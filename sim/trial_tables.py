@@ -4,31 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
+from mapping.storage import replacing
+
 from .journal import Entry, Journal
+from .recording import table_cell
 from .study import LEADING, Study
 from .trial_result import RECALL_LEVELS
 
 TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
 ROUNDS_OF_PARQUET_BYTES = 1 << 26
 """CSV read at once to find a column's type."""
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """A file that takes the place of another once it is written whole, as a context manager."""
-    temporary = path.with_name(f".{path.name}.part")
-    with temporary.open("wb") as file:
-        yield file
-    temporary.replace(path)
 
 
 def write_tables(folder: Path, journal: Journal, study: Study) -> None:
@@ -101,20 +93,9 @@ def _write_csv(path: Path, columns: Sequence[str], rows: Iterator[Mapping[str, A
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
         for row in rows:
-            writer.writerow([_cell(row.get(name)) for name in columns])
+            writer.writerow([table_cell(row.get(name)) for name in columns])
         text.flush()
         text.detach()
-
-
-def _cell(value: Any) -> Any:
-    """Text of a cell: floats with all their digits, None empty, lists as JSON."""
-    if isinstance(value, float):
-        return repr(value)
-    if isinstance(value, bool):
-        return int(value)
-    if isinstance(value, list | dict):
-        return json.dumps(value)
-    return "" if value is None else value
 
 
 def _floats(values: Sequence[float | None]) -> list[float]:

@@ -43,6 +43,11 @@ seed = "0:4"
 """
 
 
+def trials_command(study, out, *, n_jobs: int) -> list[str]:
+    options = ["--study", str(study), "--out", str(out), "--jobs", str(n_jobs)]
+    return [sys.executable, "-m", "sim.cli", "trials", *options]
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> Path:
     """Eight trials of a few actions each on a small ball."""
@@ -138,18 +143,7 @@ def test_rows_are_the_same_on_a_ray_cluster(study, campaign, tmp_path) -> None:
 
 def test_a_campaign_that_is_killed_goes_on_where_it_was(study, campaign, tmp_path) -> None:
     out = tmp_path / "out"
-    command = [
-        sys.executable,
-        "-m",
-        "sim.cli",
-        "trials",
-        "--study",
-        str(study),
-        "--out",
-        str(out),
-        "--jobs",
-        "2",
-    ]
+    command = trials_command(study, out, n_jobs=2)
     parent = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
     while n_lines(out) < 2:
         assert parent.poll() is None
@@ -215,7 +209,7 @@ def test_other_input_files_and_other_code_are_refused(study, campaign, tmp_path)
 def test_two_campaigns_at_once_are_kept_apart(study, campaign, tmp_path) -> None:
     from sim.campaign_folder import CampaignFolder
 
-    with CampaignFolder(tmp_path), pytest.raises(UsageError, match="another campaign is running there"):
+    with CampaignFolder(tmp_path), pytest.raises(UsageError, match="another campaign is writing there"):
         run_trials(TrialsOptions(study=str(study), out=tmp_path))
 
 
@@ -241,18 +235,7 @@ def test_a_full_disk_keeps_what_was_done_and_says_so(study, tmp_path) -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (4000, resource.RLIM_INFINITY))
 
     out = tmp_path / "out"
-    command = [
-        sys.executable,
-        "-m",
-        "sim.cli",
-        "trials",
-        "--study",
-        str(study),
-        "--out",
-        str(out),
-        "--jobs",
-        "1",
-    ]
+    command = trials_command(study, out, n_jobs=1)
     run = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=limit, timeout=300)
     assert run.returncode == 2
     lines = (out / "journal.jsonl").read_bytes().splitlines(keepends=True)

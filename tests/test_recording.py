@@ -9,8 +9,9 @@ import os
 import numpy as np
 import pytest
 
+from sim.claimed_folder import check_out_folder
 from sim.errors import UsageError
-from sim.recording import RunFolder, check_out_folder
+from sim.recording import RunFolder
 
 
 def test_a_folder_is_a_valid_unfinished_run_from_the_start(tmp_path) -> None:

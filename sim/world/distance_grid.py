@@ -77,35 +77,7 @@ class DistanceGrid:
             value[is_beyond] = np.sqrt(squared[is_beyond] + value[is_beyond] ** 2)
         return value
 
-    def distance_and_gradient(self, points_m: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Signed distance [m] and its gradient at each point.
-
-        Beyond the lattice, q being the closest point of its box, the surface lies inside the box, so its
-        distance is at least sqrt(|p - q|^2 + d(q)^2): this is returned, with its gradient.
-
-        Args:
-            points_m: Query points [m], shape (N, 3).
-
-        Returns:
-            Distances, shape (N,), and gradients [m/m], shape (N, 3), of about unit length, pointing away.
-        """
-        points = check_points(points_m)
-        high = self.origin_m + self.spacing_m * (np.array(self.values_m.shape) - 1)
-        inside = np.clip(points, self.origin_m, high)
-        value, gradient = self._trilinear(inside)
-        beyond = points - inside
-        gap = np.linalg.norm(beyond, axis=1)
-        is_beyond = gap > 0.0
-        if is_beyond.any():
-            bound = np.hypot(gap, value)[is_beyond]
-            gradient[is_beyond] *= beyond[is_beyond] == 0.0  # the clamped coordinates no longer move q
-            gradient[is_beyond] *= (value[is_beyond] / bound)[:, None]
-            gradient[is_beyond] += beyond[is_beyond] / bound[:, None]
-            value[is_beyond] = bound
-        return value, gradient
-
     def _interpolated(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The value alone: a third of the work of value and gradient."""
         _, ny, nz = self.values_m.shape
         scaled = (points - self.origin_m) / self.spacing_m
         cell = np.minimum(scaled.astype(np.int64), np.array(self.values_m.shape) - 2)
@@ -120,34 +92,6 @@ class DistanceGrid:
         front = lines_m[0] + v * (lines_m[1] - lines_m[0])
         back = lines_m[2] + v * (lines_m[3] - lines_m[2])
         return front + u * (back - front)
-
-    def _trilinear(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        scaled = (points - self.origin_m) / self.spacing_m
-        cell = np.clip(np.floor(scaled).astype(np.int64), 0, np.array(self.values_m.shape) - 2)
-        u, v, w = (scaled - cell).T
-        i, j, k = cell.T
-        c = self.values_m[
-            i[:, None] + np.array([0, 0, 0, 0, 1, 1, 1, 1]),
-            j[:, None] + np.array([0, 0, 1, 1, 0, 0, 1, 1]),
-            k[:, None] + np.array([0, 1, 0, 1, 0, 1, 0, 1]),
-        ]
-        along_z = c[:, 0::2] + w[:, None] * (
-            c[:, 1::2] - c[:, 0::2]
-        )  # (N, 4): corners 00, 01, 10, 11 in x, y
-        slope_z = c[:, 1::2] - c[:, 0::2]
-        in_y = along_z[:, 0::2] + v[:, None] * (along_z[:, 1::2] - along_z[:, 0::2])
-        slope_y = along_z[:, 1::2] - along_z[:, 0::2]
-        slope_z = slope_z[:, 0::2] + v[:, None] * (slope_z[:, 1::2] - slope_z[:, 0::2])
-        value = in_y[:, 0] + u * (in_y[:, 1] - in_y[:, 0])
-        gradient = np.stack(
-            [
-                in_y[:, 1] - in_y[:, 0],
-                slope_y[:, 0] + u * (slope_y[:, 1] - slope_y[:, 0]),
-                slope_z[:, 0] + u * (slope_z[:, 1] - slope_z[:, 0]),
-            ],
-            axis=1,
-        )
-        return value, gradient / self.spacing_m
 
 
 def _node_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -136,23 +136,7 @@ class Probe:
         Returns:
             Index of the ray, distance along it [m], and +1 where it leaves or -1 where it enters.
         """
-        n_rays = len(directions)
-        first_m, geoms, normals = np.empty(n_rays), np.empty(n_rays, np.int32), np.empty(3 * n_rays)
-        mujoco.mj_multiRay(
-            self._model,
-            data,
-            origin_m,
-            directions.ravel(),
-            surfaces.group,
-            1,
-            -1,
-            geoms,
-            first_m,
-            normals,
-            n_rays,
-            np.inf,
-        )
-        first_sign = np.where(np.einsum("ij,ij->i", normals.reshape(-1, 3), directions) > 0.0, 1, -1)
+        first_m, first_sign = self._first_crossings(data, origin_m, directions, surfaces)
         hits = np.flatnonzero(first_m >= 0.0)
         ray, along_m, sign = hits.tolist(), first_m[hits].tolist(), first_sign[hits].tolist()
         geom, normal, start_m = np.empty(1, np.int32), np.empty(3), np.empty(3)
@@ -173,6 +157,32 @@ class Probe:
                 along_m.append(travelled_m)
                 sign.append(1 if normal @ direction > 0.0 else -1)
         return ray, along_m, sign
+
+    def _first_crossings(
+        self,
+        data: mujoco.MjData,
+        origin_m: NDArray[np.float64],
+        directions: NDArray[np.float64],
+        surfaces: _Surfaces,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Distance to each ray's first crossing [m], negative where there is none, and its sign; shapes (R,)."""
+        n_rays = len(directions)
+        first_m, geoms, normals = np.empty(n_rays), np.empty(n_rays, np.int32), np.empty(3 * n_rays)
+        mujoco.mj_multiRay(
+            self._model,
+            data,
+            origin_m,
+            directions.ravel(),
+            surfaces.group,
+            1,
+            -1,
+            geoms,
+            first_m,
+            normals,
+            n_rays,
+            np.inf,
+        )
+        return first_m, np.where(np.einsum("ij,ij->i", normals.reshape(-1, 3), directions) > 0.0, 1, -1)
 
 
 class _Surfaces:

@@ -5,6 +5,7 @@ Takes the campaign of the study `paper`, and rewrites the part of docs/results.m
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,19 +52,35 @@ def main(options: Options) -> None:
     run_compare(CompareOptions(folders=(options.campaign,)))
     everything = compare_groups(load_groups([options.campaign]))
     ten = compare_groups(load_groups([options.campaign], seeds=range(10)))
-    options.figures.mkdir(parents=True, exist_ok=True)
-    for case in everything.cases:
-        for name, draw in FIGURES.items():
-            draw(options.figures / f"{name}-{slug(case)}.png", everything, case)
-    FIGURES["sensings"](options.figures / "sensings-ten.png", ten, SPHERE)
+    shutil.rmtree(options.figures, ignore_errors=True)
+    options.figures.mkdir(parents=True)
+    sections = [scenario_1(ten, everything), *(accuracy(everything, name) for name in PAPER_AUPRC)]
+    draw_figures(options, ten, everything)
     if options.views:
         write_views(options, everything)
-    text = "\n\n".join([scenario_1(ten, everything), *(accuracy(everything, name) for name in PAPER_AUPRC)])
+        sections.append(views_section(options))
+    text = "\n\n".join(sections)
     page = options.page.read_text(encoding="utf-8")
     before, after = page.split(BEGIN)[0], page.split(END)[1]
     options.page.write_text(f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8")
     print(text)
     print(f"\nwritten to {options.page} and {options.figures}; all tables are in {options.campaign}/compare")
+
+
+def draw_figures(options: Options, ten: Comparison, everything: Comparison) -> None:
+    """Those figures of the comparison that the page shows."""
+    FIGURES["sensings"](options.figures / "sensings-ten.png", ten, SPHERE)
+    for name in ("sensings", "reached"):
+        FIGURES[name](options.figures / f"{name}-{slug(SPHERE)}.png", everything, SPHERE)
+    for scenario, arm in itertools.product(PAPER_AUPRC, ("none", "default")):
+        case = f"{scenario}, arm {arm}"
+        for name in ("auprc", "precision_recall"):
+            FIGURES[name](options.figures / f"{name}-{slug(case)}.png", everything, case)
+
+
+def image(name: str, caption: str) -> str:
+    """A figure as the page refers to it."""
+    return f"![{caption}](../renders/curated/paper/{name}.png)"
 
 
 def scenario_1(ten: Comparison, everything: Comparison) -> str:
@@ -81,6 +98,9 @@ def scenario_1(ten: Comparison, everything: Comparison) -> str:
             table(head, rows),
             "Pairs on the same 100 tumours, first minus second:",
             pair_table(pairs),
+            image("sensings-ten", "Ten trials; a bar is a mean, a dot a trial"),
+            image(f"sensings-{slug(SPHERE)}", "A hundred trials"),
+            image(f"reached-{slug(SPHERE)}", "Share of the trials that had got to 95 % by then"),
         ]
     )
 
@@ -118,8 +138,22 @@ def accuracy(comparison: Comparison, scenario: str) -> str:
             table(("method", "paper", "here, free probe", "here, with the arm"), rows),
             "Pairs on the same tumours, without the arm:",
             pair_table(pairs),
+            image(f"auprc-{slug(f'{scenario}, arm none')}", "AUPRC against sensing actions, free probe"),
+            image(f"auprc-{slug(f'{scenario}, arm default')}", "The same with the arm"),
+            image(f"precision_recall-{slug(f'{scenario}, arm none')}", "Precision and recall, free probe"),
+            image(f"precision_recall-{slug(f'{scenario}, arm default')}", "The same with the arm"),
         ]
     )
+
+
+def views_section(options: Options) -> str:
+    """The views that were drawn, case by case."""
+    parts = ["### Maps and poses"]
+    for case, seed in VIEWS:
+        parts.append(f"{case}, seed {seed}: from above and from the side, the poses numbered in their order.")
+        found = sorted(options.figures.glob(f"map_*-{slug(case)}-*.png"))
+        parts += [image(path.stem, path.stem.replace("-", " ").replace("_", " ")) for path in found]
+    return "\n\n".join(parts)
 
 
 def write_views(options: Options, comparison: Comparison) -> None:

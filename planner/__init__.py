@@ -10,7 +10,7 @@ from .planner import Planner
 from .random_order import RandomOrder
 from .registry import make_planner, planner_names
 from .situation import Situation
-from .visibility import visibility, visible_points
+from .visibility import scattered_poses, visibility, visible_points
 from .workspace import Workspace
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "Workspace",
     "make_planner",
     "planner_names",
+    "scattered_poses",
     "visibility",
     "visible_points",
 ]

@@ -1,6 +1,7 @@
 """Which poses' cones hold which points: the same test as `Cone.contains`, for all pairs at once."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from .workspace import Workspace
 _POINTS_AT_ONCE = 16
 """Points per block of the dense table, so that its parts stay in the processor's cache."""
 _POSES_AT_ONCE = 512
-"""Poses per block of `visible_points`; a point drops out with the first block that sees it."""
+"""Poses per part of `scattered_poses`."""
 
 
 def visibility(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -44,13 +45,18 @@ def visible_points(workspace: Workspace, cone: Cone, points_m: NDArray[np.float6
         points_m: The points [m, world], shape (M, 3).
     """
     is_visible = np.zeros(len(points_m), dtype=np.bool_)
-    n_blocks = -(-workspace.n_poses // _POSES_AT_ONCE)
-    for first in range(n_blocks):
-        poses = slice(first, None, n_blocks)  # scattered over the surface, so that most points drop out soon
+    for poses in scattered_poses(workspace.n_poses):
         part = Workspace(workspace.positions_m[poses], workspace.normals[poses])
         open_points = np.flatnonzero(~is_visible)
         is_visible[open_points] = visibility(part, cone, points_m[open_points]).any(axis=1)
     return is_visible
+
+
+def scattered_poses(n_poses: int) -> Iterator[NDArray[np.intp]]:
+    """All poses in parts of some 500, each scattered over the whole workspace, so that the first see most points."""
+    n_parts = -(-n_poses // _POSES_AT_ONCE)
+    for first in range(n_parts):
+        yield np.arange(first, n_poses, n_parts)
 
 
 def _sees(

@@ -98,11 +98,12 @@ class Episode:
         truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
         self.stage, self.planner = stage, planner
         self.truth: Truth = make_truth(stage, truth_rng)
-        self.data: mujoco.MjData = self.truth.scene.new_data()
+        scene = self.truth.scene if casts_rays else stage.scene  # tumours are there for the rays alone
+        self.data: mujoco.MjData = scene.new_data()
         self.hilbert_map = _prior_map(stage, map_settings or MapSettings()) if has_map else None
         self.prediction: Prediction | None = None
         self._casts_rays = casts_rays
-        self._probe = Probe(self.truth.scene, probe_settings)
+        self._probe = Probe(scene, probe_settings)
         self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
         self._readings: list[LabelledPoints] = []

@@ -42,7 +42,8 @@ class TrialsOptions:
     until_sensed: float | None = None
     """Stop an episode as soon as this share of the tumours was sensed, for example 0.95."""
     motion: MotionKind | None = None
-    """How the arm gets from pose to pose: kinematic (default), servo, or none, which jumps and is far faster."""
+    """How the arm gets from pose to pose. By default none: it jumps, with the time of the way estimated, which is far
+    faster; kinematic searches a path for it, servo simulates it."""
     map: MapKept | None = None
     """Whether planners that need no map keep one. By default they do not where --until-sensed ends the episodes: then
     only the share sensed is asked."""
@@ -85,6 +86,7 @@ class TrialsOptions:
             return load_study(self.study, given)
         if "map" not in given and "until_sensed" in given:
             given["map"] = ("when-needed",)
+        given.setdefault("motion", ("none",))
         given.setdefault("seed", range(10))
         return Study("trials", (Part(given),))
 

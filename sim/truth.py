@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-
-from planner import visibility
 
 from .attainment import attainable
 from .stage import Stage
@@ -22,12 +21,17 @@ class Truth:
     """What an episode is to find out. Only the sensor and the scores look at it."""
 
     anatomy: Anatomy
-    scene: Scene
-    """The scene with the tumours in it."""
+    stage: Stage
+    """Where they are planted."""
     is_tumour: NDArray[np.bool_]
     """Truth at the stage's search points, shape (M,)."""
     attainable_fraction: float | None
     """Share of the detection points that reachable poses can sense; None without tumours."""
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene with the tumours in it, built when it is first asked for."""
+        return build_scene(self.anatomy, self.stage.cone, arm=self.stage.arm)
 
 
 def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
@@ -49,11 +53,10 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
         tumour_names=stage.scenario.tumour_files or None,
     )
     points_m = anatomy.detection_points_m
-    sees = visibility(stage.workspace, stage.cone, points_m)
-    fraction = float(attainable(sees, stage.carrier).mean()) if len(points_m) else None
+    fraction = _attainable_fraction(stage, points_m) if len(points_m) else None
     return Truth(
         anatomy=anatomy,
-        scene=build_scene(anatomy, stage.cone, arm=stage.arm),
+        stage=stage,
         is_tumour=anatomy.is_tumour(stage.search_points_m),
         attainable_fraction=fraction,
     )
@@ -64,9 +67,7 @@ def _planted(stage: Stage, rng: np.random.Generator) -> tuple[Solid, ...]:
     if scenario.n_tumours == 0:
         return ()
 
-    def attainable_fraction(points_m: NDArray[np.float64]) -> float:
-        return float(attainable(visibility(stage.workspace, stage.cone, points_m), stage.carrier).mean())
-
+    attainable_fraction = partial(_attainable_fraction, stage)
     if scenario.tumour_shape == "sphere":
         return plant_spheres(
             stage.organ,
@@ -82,3 +83,7 @@ def _planted(stage: Stage, rng: np.random.Generator) -> tuple[Solid, ...]:
         rng=rng,
         is_attainable=attainable_fraction,
     )
+
+
+def _attainable_fraction(stage: Stage, points_m: NDArray[np.float64]) -> float:
+    return float(attainable(stage.workspace, stage.cone, points_m, stage.carrier).mean())

@@ -50,16 +50,19 @@ def test_visibility_equals_the_cone_pose_by_pose(cone) -> None:
 
 def test_attainable_is_the_union_over_reachable_poses_with_few_questions(cone) -> None:
     rng = np.random.default_rng(1)
-    workspace = random_workspace(rng, 400)
-    sees = visibility(workspace, cone, 1.0 + rng.uniform([-0.1, -0.1, -0.12], [0.1, 0.1, 0.0], (500, 3)))
-    unreachable = set(rng.choice(400, 60, replace=False).tolist())
+    workspace = random_workspace(rng, 1400)
+    points_m = 1.0 + rng.uniform([-0.1, -0.1, -0.12], [0.1, 0.1, 0.0], (500, 3))
+    sees = visibility(workspace, cone, points_m)
+    unreachable = set(rng.choice(1400, 210, replace=False).tolist())
     carrier = PickyCarrier(unreachable)
-    reachable = [pose for pose in range(400) if pose not in unreachable]
-    assert np.array_equal(attainable(sees, carrier), sees[:, reachable].any(axis=1))
+    reachable = [pose for pose in range(1400) if pose not in unreachable]
+    assert np.array_equal(attainable(workspace, cone, points_m, carrier), sees[:, reachable].any(axis=1))
     assert len(carrier.asked) == len(set(carrier.asked)) < 200
 
 
 def test_nothing_is_attainable_for_an_arm_that_reaches_nothing(cone) -> None:
-    carrier = PickyCarrier(set(range(50)))
-    assert not attainable(np.ones((10, 50), dtype=bool), carrier, max_failures=7).any()
+    carrier = PickyCarrier(set(range(1200)))
+    workspace = random_workspace(np.random.default_rng(2), 1200)
+    points_m = workspace.positions_m[:50] + 0.01 * workspace.normals[:50]
+    assert not attainable(workspace, cone, points_m, carrier, max_failures=7).any()
     assert len(carrier.asked) == 7

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from toppra import SplineInterpolator
 from toppra.algorithm import TOPPRA
-from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
+from toppra.constraint import Constraint, JointAccelerationConstraint, JointVelocityConstraint
 from toppra.interpolator import AbstractGeometricPath
 
 from .chain import Array, Chain
@@ -61,6 +61,7 @@ class PathTimer:
     def __init__(self, chain: Chain, limits: JointLimits) -> None:
         """Take the arm's `limits`, in the order of the chain's joints."""
         self._chain, self._limits = chain, limits
+        self._kept: dict[float, list[Constraint]] = {}
 
     def time(self, curve: CubicSpline, *, tip_speed_m_s: float, dt_s: float) -> Trajectory:
         """The fastest motion along a curve from rest to rest.
@@ -81,17 +82,11 @@ class PathTimer:
         steps_m = np.linalg.norm(np.diff(self._chain.forward(curve(between)).tips_m, axis=0), axis=1)
         way_m = np.concatenate([[0.0], np.cumsum(steps_m)])[::TIP_POINTS_PER_KNOT]
         path = SplineInterpolator(knots, np.column_stack([q, way_m]))
-        speed = LIMIT_SHARE * np.append(self._limits.speed, tip_speed_m_s)
-        acceleration = LIMIT_SHARE * np.append(self._limits.acceleration, TIP_ACCELERATION_M_S2)
-        constraints = [
-            JointVelocityConstraint(np.column_stack([-speed, speed])),
-            JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
-        ]
         n_grid = max(MIN_GRID_POINTS, GRID_POINTS_PER_KNOT * len(knots))
         grid = np.linspace(0.0, knots[-1], n_grid)
-        timed = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel").compute_trajectory(
-            0.0, 0.0
-        )
+        constraints = self._constraints(tip_speed_m_s)
+        toppra = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
+        timed = toppra.compute_trajectory(0.0, 0.0)
         if timed is None:
             raise TimingError(
                 "toppra found no motion along a path within the joints' limits; raise the limits."
@@ -101,6 +96,17 @@ class PathTimer:
         time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / dt_s)) + 1)
         q, rate = timed(time_s / slowing)[:, :-1], timed(time_s / slowing, 1)[:, :-1]
         return Trajectory(time_s, q, rate / slowing)
+
+    def _constraints(self, tip_speed_m_s: float) -> list[Constraint]:
+        """The limits as toppra takes them, kept: it formats each as text when it is made, which takes its time."""
+        if tip_speed_m_s not in self._kept:
+            speed = LIMIT_SHARE * np.append(self._limits.speed, tip_speed_m_s)
+            acceleration = LIMIT_SHARE * np.append(self._limits.acceleration, TIP_ACCELERATION_M_S2)
+            self._kept[tip_speed_m_s] = [
+                JointVelocityConstraint(np.column_stack([-speed, speed])),
+                JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
+            ]
+        return self._kept[tip_speed_m_s]
 
     def _slowing(self, timed: AbstractGeometricPath, tip_speed_m_s: float) -> float:
         """The least factor, 1 or more, by which the motion is slowed down to hold all limits between grid points."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -15,12 +15,14 @@ from .frontier import n_clusters, probability_at, seen_weight, sensed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
 from .planner import Planner
 from .situation import Situation
-from .workspace import Workspace
+from .tour import MAX_STOPS, shortest_tour
 
 _FAILURE_RADIUS_M = 0.008
 """Poses this near to one that the arm failed to reach are likely to fail too."""
 _AFTER_FAILURE = 0.5
 """What such a pose's score is worth, for every failure near it."""
+_CANDIDATE_GAP_M = 0.02
+"""Where ways count, the best pose of each cube of this side is looked at [m]."""
 _CLUSTER_GAP_M = 0.01
 """Likely tumour farther apart than about this counts as two tumours [m]."""
 
@@ -39,23 +41,30 @@ class FindAndOutline(Planner):
     """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
     fading: float = 0.03
     """What a ball still counts each time that it was looked at and nothing was found."""
-    travel_per_m: float = 0.0
-    """How much the way there counts: a pose's score is divided by 1 + this times the way of the tip [1/m]."""
+    travel_weight: float = 0.0
+    """How much a second of motion counts against one of sensing: 0 for the fewest actions, 1 for the most found per
+    second of the procedure, more for short ways."""
+    batch: int = 1
+    """Poses that the search chooses together and visits in the order of the shortest way."""
     sure_radius_m: float = 0.005
     """Confidence that nothing is left speaks of tumours of this radius and more [m]."""
+    sure_overlap_share: float = 0.25
+    """A cone that reaches this deep into a ball, as a share of its radius, would have returned tumour."""
     balls: BallPrior = field(default_factory=BallPrior)
     """What the search takes for possible."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name in ("margin_m", "least_gain_m3"):
+        for name in ("margin_m", "least_gain_m3", "sure_radius_m"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise PlannerError(f"{name} must be above 0 and finite, got {getattr(self, name)}")
-        for name in ("floor", "fading"):
+        for name in ("floor", "fading", "sure_overlap_share"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise PlannerError(f"{name} must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
-        if not 0.0 <= self.travel_per_m < np.inf:
-            raise PlannerError(f"travel_per_m must be 0 or above and finite, got {self.travel_per_m}")
+        if not 0.0 <= self.travel_weight < np.inf:
+            raise PlannerError(f"travel_weight must be 0 or above and finite, got {self.travel_weight}")
+        if not 1 <= self.batch <= MAX_STOPS:
+            raise PlannerError(f"batch must be 1 to {MAX_STOPS}, got {self.batch}")
 
     def rank(self, situation: Situation) -> Iterator[int]:
         """The poses that outline most, if any outlines enough, then those that find most of what could hide.
@@ -64,15 +73,51 @@ class FindAndOutline(Planner):
         """
         workspace = situation.workspace
         is_left = situation.available(exclude_sensed=True)
-        score = self.score(situation) / (1.0 + self.travel_per_m * _way_m(situation))
+        score = self.score(situation)
         for failed in situation.skipped:
             score[workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
         score[~is_left] = -1.0
-        for _ in range(int(is_left.sum())):
-            pose = int(np.argmax(score))
+        for pose in self._by_way(situation, score):
             yield pose
             score[workspace.within(pose, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
             score[pose] = -1.0
+        while (pose := int(np.argmax(score))) >= 0 and score[pose] >= 0.0:
+            yield pose
+            score[workspace.within(pose, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
+            score[pose] = -1.0
+
+    def _by_way(self, situation: Situation, score: NDArray[np.float64]) -> list[int]:
+        """The poses to try first because of the way to them; none where ways do not count."""
+        if (self.travel_weight == 0.0 and self.batch == 1) or not situation.sensed:
+            return []
+        if self.batch > 1 and self._is_searching(situation):
+            return self._tour(situation, score >= 0.0)
+        if self.travel_weight == 0.0:
+            return []
+        poses = situation.workspace.best_apart(score, _CANDIDATE_GAP_M)
+        seconds = situation.seconds_to(poses)
+        merit = score[poses] / (situation.sensing_s + self.travel_weight * seconds)
+        order = np.argsort(-merit, kind="stable")
+        return [int(poses[i]) for i in order if np.isfinite(seconds[i]) and merit[i] > 0.0]
+
+    def _tour(self, situation: Situation, is_left: NDArray[np.bool_]) -> list[int]:
+        """The batch of poses that together find most, greedily chosen, in the order of the shortest way."""
+        chosen: list[int] = []
+        while len(chosen) < self.batch:
+            score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
+            score[~is_left] = -1.0
+            score[chosen] = -1.0
+            chosen.append(int(np.argmax(score)))
+        poses = np.array(chosen)
+        places_m = situation.workspace.positions_m[poses]
+        between_m = np.linalg.norm(places_m[:, None] - places_m, axis=2)
+        last_m = situation.workspace.positions_m[situation.sensed[-1]]
+        return [chosen[i] for i in shortest_tour(np.linalg.norm(places_m - last_m, axis=1), between_m)]
+
+    def _is_searching(self, situation: Situation) -> bool:
+        """Whether nothing is left that is worth outlining."""
+        is_left = situation.available(exclude_sensed=True)
+        return float(np.max(self.outline_score(situation), where=is_left, initial=0.0)) < self.least_gain_m3
 
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """What each pose is worth, 0 or above, shape (N,): outlining first, searching else and among equals."""
@@ -108,27 +153,27 @@ class FindAndOutline(Planner):
         The number of tumours is Poisson of unknown rate with Jeffreys' prior. With k found among the share C of
         what could hide, the rate is Gamma(k + 1/2, C), and none is left with probability C^(k + 1/2).
         """
-        if not situation.sensed:
+        if not situation.sensed or not self._is_searching(situation):
             return 0.0
+        high_m = self.balls.radius_range_m[1]
+        range_m = (min(self.sure_radius_m, high_m), high_m)
+        prior = replace(self.balls, radius_range_m=range_m, overlap_share=self.sure_overlap_share)
+        balls = self._hidden(situation, prior)
         is_left = situation.available(exclude_sensed=True)
-        if np.max(self.outline_score(situation), where=is_left, initial=0.0) >= self.least_gain_m3:
-            return 0.0
-        balls = self._hidden(situation)
-        is_large = balls.radii_m >= self.sure_radius_m
-        is_found = is_large & (balls.times_found(situation.sensed) > 0)
-        is_findable = is_found | is_large & (balls.finds.T @ is_left.astype(np.float32) > 0)
+        is_found = balls.times_found(situation.sensed) > 0
+        is_findable = is_found | (balls.finds.T @ is_left.astype(np.float32) > 0)
         share = float(balls.weights[is_found].sum() / max(balls.weights[is_findable].sum(), 1e-30))
         lattice = fine_lattice(situation.search_points_m)
         tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
         return min(share, 1.0) ** (n_clusters(tumour_m, _CLUSTER_GAP_M) + 0.5)
 
-    def _hidden(self, situation: Situation) -> HiddenBalls:
+    def _hidden(self, situation: Situation, prior: BallPrior | None = None) -> HiddenBalls:
         return hidden_balls(
             situation.workspace,
             situation.cone,
             situation.search_points_m,
             situation.surface_distance_m,
-            self.balls,
+            prior or self.balls,
         )
 
 
@@ -148,12 +193,3 @@ def _likely_tumour_m(
     rate = situation.false_positive_rate
     believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings]
     return np.concatenate([lattice.points_m[probability > 0.5], *believed_m])
-
-
-def _way_m(situation: Situation) -> NDArray[np.float64]:
-    """How far each pose lies from the last one sensed [m], shape (N,); 0 before the first."""
-    workspace: Workspace = situation.workspace
-    if not situation.sensed:
-        return np.zeros(workspace.n_poses)
-    last_m = workspace.positions_m[situation.sensed[-1]]
-    return np.linalg.norm(workspace.positions_m - last_m, axis=1)

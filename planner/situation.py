@@ -1,6 +1,6 @@
 """What a planner may know when it is asked for the next pose. The truth is not among it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,8 @@ from .cone import Cone
 from .errors import PlannerError
 from .labelled_points import LabelledPoints
 from .workspace import Workspace
+
+_TIP_SPEED_M_S = 0.25
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,6 +40,11 @@ class Situation:
     """What each sensing action returned, in order."""
     false_positive_rate: float = 0.0
     """Share of free points that the sensor is believed to call tumour."""
+    motion_s: Callable[[NDArray[np.intp]], NDArray[np.float64]] | None = None
+    """Modelled time of the motion from where the probe is to poses [s], infinite where the arm cannot get; None if
+    nobody can say, as before the first action."""
+    sensing_s: float = 2.0
+    """Modelled time of one sensing action [s]."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 
@@ -76,6 +83,15 @@ class Situation:
         if exclude_sensed:
             is_available[list(self.sensed)] = False
         return is_available
+
+    def seconds_to(self, poses: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Time of the motion to each pose [s], shape of `poses`; without a model, the tip's way at 1 m in 4 s."""
+        if self.motion_s is not None:
+            return self.motion_s(poses)
+        if not self.sensed:
+            return np.zeros(len(poses))
+        last_m = self.workspace.positions_m[self.sensed[-1]]
+        return np.linalg.norm(self.workspace.positions_m[poses] - last_m, axis=1) / _TIP_SPEED_M_S
 
     def _check_indices(self, name: str, indices: Iterable[int]) -> None:
         n_poses = self.workspace.n_poses

@@ -81,6 +81,18 @@ class Workspace:
         """
         return self._tree.query_ball_point(self.positions_m[pose], radius_m)
 
+    def best_apart(self, score: NDArray[np.float64], gap_m: float) -> NDArray[np.intp]:
+        """The pose of highest score in each cube of side `gap_m` that holds one above 0, best first, shape (k,).
+
+        Args:
+            score: Of every pose, shape (N,).
+            gap_m: Side of the cubes [m].
+        """
+        order = np.argsort(-score, kind="stable")
+        order = order[score[order] > 0.0]
+        cubes = np.floor(self.positions_m[order] / gap_m).astype(int)
+        return order[np.sort(np.unique(cubes, axis=0, return_index=True)[1])]
+
     def angles_to_rad(self, point_m: ArrayLike) -> NDArray[np.float64]:
         """Angle between each pose's normal and the direction from its position to a point [rad], shape (N,).
 

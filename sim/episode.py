@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 
 import mujoco
@@ -194,6 +195,7 @@ class Episode:
         return None, skipped, ik_s, move_s
 
     def _situation(self) -> Situation:
+        travel = self._mover.travel
         return Situation(
             workspace=self.stage.workspace,
             cone=self.stage.cone,
@@ -205,6 +207,8 @@ class Episode:
             false_positive_rate=self._false_positive_rate,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
+            motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
+            sensing_s=self._sensing_s,
             rng=self._planner_rng,
         )
 

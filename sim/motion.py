@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .carrier import Carrier
+from .travel import Travel
 from .world.errors import WorldError
 from .world.joint_limits import JointLimits
 from .world.motion_settings import MotionSettings
@@ -88,6 +89,9 @@ class ProcedureStoppedError(WorldError):
 class Mover(ABC):
     """Moves the probe of one episode from pose to pose; remembers where it is."""
 
+    travel: Travel | None = None
+    """Estimates how long ways take; None if it cannot say."""
+
     @abstractmethod
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
         """Bring a state to a pose that the carrier reaches.
@@ -118,6 +122,7 @@ class StationMover(Mover):
         """Move what `carrier` carries; `limits` are those of all joints of the scene, None for a free probe."""
         self._carrier, self._tip_site, self._limits = carrier, tip_site, limits
         self._settings = settings or MotionSettings()
+        self.travel = Travel(carrier, limits, self._settings)
         self._last: int | None = None
 
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
@@ -156,16 +161,8 @@ class StationMover(Mover):
         tip_s = float(np.linalg.norm(tips_m[1] - tips_m[0])) / speed
         if self._limits is None:
             return tip_s
-        joints_s = rest_to_rest_s(np.abs(end - start), self._limits.speed, self._limits.acceleration)
+        joints_s = self._limits.rest_to_rest_s(np.abs(end - start))
         return max(tip_s, float(joints_s.max(initial=0.0)))
-
-
-def rest_to_rest_s(
-    distance: NDArray[np.float64], speed: NDArray[np.float64], acceleration: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Shortest time [s] from rest to rest under limits of speed and acceleration, element by element."""
-    is_short = distance <= speed**2 / acceleration
-    return np.where(is_short, 2.0 * np.sqrt(distance / acceleration), distance / speed + speed / acceleration)
 
 
 def state_of(data: mujoco.MjData) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from .carrier import ArmCarrier
 from .motion import Motion, Mover, Phase, ProcedureStoppedError, StationMover, blocked, joint_travel_rad
 from .options import MotionKind
 from .stage import Stage
+from .travel import Travel
 from .world.contact_surface import ContactSurface
 from .world.joint_limits import JointLimits, is_embedded
 from .world.motion_settings import MotionSettings
@@ -55,10 +56,16 @@ class PathMover(Mover):
     """Follows the timed path exactly."""
 
     def __init__(
-        self, carrier: ArmCarrier, paths: PathSearch, timer: PathTimer, settings: MotionSettings
+        self,
+        carrier: ArmCarrier,
+        paths: PathSearch,
+        timer: PathTimer,
+        settings: MotionSettings,
+        travel: Travel,
     ) -> None:
         """Move what `carrier` carries, from its home on."""
         self._carrier, self._paths, self._timer, self._settings = carrier, paths, timer, settings
+        self.travel = travel
         self._chain = carrier.search.chain
         self._lines: dict[int, Trajectory] = {}
         self._last: int | None = None
@@ -136,12 +143,13 @@ class ServoMover(PathMover):
         paths: PathSearch,
         timer: PathTimer,
         settings: MotionSettings,
+        travel: Travel,
         *,
         arm: ServoArm,
         servo: ServoSettings,
     ) -> None:
         """Move what `carrier` carries by the servos of `arm`."""
-        super().__init__(carrier, paths, timer, settings)
+        super().__init__(carrier, paths, timer, settings, travel)
         self._arm, self._servo = arm, servo
         self._dt_s, self._press_m = RECORD_DT_S, servo.press_m
 
@@ -214,16 +222,17 @@ def make_mover(
     settings, carrier, model = settings or MotionSettings(), stage.carrier, stage.scene.model
     if stage.arm is None or not isinstance(carrier, ArmCarrier):
         return StationMover(carrier, stage.scene.tip_site, None, settings)
+    is_slide = model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    limits = JointLimits.of_arm(stage.arm.path, is_slide, settings)
     if kind == "none":
-        is_slide = model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)
-        limits = JointLimits.of_arm(stage.arm.path, is_slide, settings)
         return StationMover(carrier, stage.scene.tip_site, limits, settings)
     search = carrier.search
     paths = PathSearch(search, PathCheck(stage.scene, search.chain, search.meter, search.clearance))
     timer = PathTimer(search.chain, JointLimits.of_arm(stage.arm.path, search.chain.is_slide, settings))
+    travel = Travel(carrier, limits, settings)
     if kind == "kinematic":
-        return PathMover(carrier, paths, timer, settings)
+        return PathMover(carrier, paths, timer, settings, travel)
     servo = servo or ServoSettings()
     organ, is_panda = ContactSurface(stage.organ), is_embedded(stage.arm.path)
     arm = ServoArm(stage.scene, search.chain, organ, servo, is_panda=is_panda)
-    return ServoMover(carrier, paths, timer, settings, arm=arm, servo=servo)
+    return ServoMover(carrier, paths, timer, settings, travel, arm=arm, servo=servo)

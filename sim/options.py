@@ -104,6 +104,13 @@ class EpisodeOptions:
     """Prior variance of each of the map's weights, in place of --map-settings'."""
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
+    travel_weight: float = 0.0
+    """Of find-and-outline: how much a second of motion counts against one of sensing. 0 asks for the fewest actions, 1
+    for the most found per second of the procedure, more for short ways."""
+    batch: int = 1
+    """Of find-and-outline: poses that its search chooses together and visits in the order of the shortest way."""
+    sure_radius_mm: float = 5.0
+    """Of find-and-outline: its confidence, and so --until-confident, speaks of tumours of this radius and more [mm]."""
     ei_values: Literal["latent", "probability"] = "latent"
     """Expected improvement of the map's latent or of its probability."""
     ei_pose_rule: Literal["best-aligned", "first-within-threshold"] = "best-aligned"
@@ -175,6 +182,13 @@ class EpisodeOptions:
 
     def make_planner(self) -> Planner:
         """The planner with its options."""
+        if self.planner == "find-and-outline":
+            return make_planner(
+                self.planner,
+                travel_weight=self.travel_weight,
+                batch=self.batch,
+                sure_radius_m=self.sure_radius_mm * 1e-3,
+            )
         if self.planner != "expected-improvement":
             return make_planner(self.planner)
         return make_planner(

@@ -2,9 +2,12 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from planner_situations import box_points, flat_workspace, make_situation
 from scipy.stats import nbinom
 
@@ -12,6 +15,7 @@ from planner import Cone, FindAndOutline, LabelledPoints, PlannerError, Workspac
 from planner.fine_lattice import fine_lattice
 from planner.frontier import n_clusters, seen_weight
 from planner.hidden_balls import BallPrior, distance_to_cones, hidden_balls
+from planner.tour import shortest_tour
 
 POINTS = box_points()
 PRIOR_MEAN = np.full(len(POINTS), -4.0)
@@ -199,11 +203,65 @@ def test_no_pose_is_asked_for_again_and_the_neighbours_of_failures_come_later():
 def test_a_weight_on_travel_shortens_the_way():
     workspace = flat_workspace()
 
-    def way_m(travel_per_m):
-        sensed, _ = play(FindAndOutline(balls=FEW, travel_per_m=travel_per_m), 15, workspace)
+    def way_m(**options):
+        sensed, _ = play(FindAndOutline(balls=FEW, **options), 15, workspace)
         return np.linalg.norm(np.diff(workspace.positions_m[sensed], axis=0), axis=1).sum()
 
-    assert way_m(100.0) < 0.7 * way_m(0.0)
+    fewest = way_m()
+    assert way_m(travel_weight=3.0) < 0.7 * fewest
+    assert way_m(batch=6) < 0.8 * fewest
+
+
+def test_seconds_of_motion_decide_between_poses_of_one_worth():
+    workspace = flat_workspace()
+    slow_side = workspace.positions_m[:, 0] > workspace.positions_m[:, 0].mean()
+
+    def motion_s(poses):
+        return np.where(slow_side[poses], 60.0, 1.0)
+
+    asked = situation(workspace=workspace, sensed=(90,))
+    asked = replace(asked, motion_s=motion_s)
+    planner = FindAndOutline(balls=FEW, travel_weight=1.0)
+    assert not slow_side[list(itertools.islice(planner.rank(asked), 5))].any()
+    # What cannot be reached is not among those whose way counts; it comes last or not at all.
+    blocked = replace(asked, motion_s=lambda poses: np.where(slow_side[poses], np.inf, 1.0))
+    first = list(
+        itertools.islice(
+            planner.rank(blocked), len(workspace.best_apart(planner.score(blocked), 0.02)) // 2 - 1
+        )
+    )
+    assert not slow_side[first].any()
+
+
+def test_a_batch_is_the_greedy_choice_in_the_order_of_the_shortest_way():
+    workspace = flat_workspace()
+    asked = situation(workspace=workspace, sensed=(90,))
+    greedy, sensed = [], [90]
+    for _ in range(4):
+        greedy.append(
+            next(iter(FindAndOutline(balls=FEW).rank(situation(workspace=workspace, sensed=tuple(sensed)))))
+        )
+        sensed.append(greedy[-1])
+    batch = list(itertools.islice(FindAndOutline(balls=FEW, batch=4).rank(asked), 4))
+    assert sorted(batch) == sorted(greedy)
+
+    def way_m(order):
+        return np.linalg.norm(np.diff(workspace.positions_m[[90, *order]], axis=0), axis=1).sum()
+
+    assert way_m(batch) == pytest.approx(min(map(way_m, itertools.permutations(greedy))))
+
+
+@given(st.integers(1, 6), st.integers(0, 10_000))
+def test_a_tour_is_the_best_of_all_orders(k, seed):
+    rng = np.random.default_rng(seed)
+    first, between = rng.random(k), rng.random((k, k))
+
+    def cost(order):
+        return first[order[0]] + sum(between[i, j] for i, j in itertools.pairwise(order))
+
+    tour = shortest_tour(first, between)
+    assert sorted(tour) == list(range(k))
+    assert cost(tour) == pytest.approx(min(cost(order) for order in itertools.permutations(range(k))))
 
 
 def test_it_chooses_the_same_whatever_the_generator():
@@ -219,8 +277,8 @@ def test_the_confidence_is_the_negative_binomials_chance_of_no_more():
     for k, share in ((0, 0.7), (3, 0.95)):
         assert nbinom.pmf(0, k + 0.5, share) == pytest.approx(share ** (k + 0.5), rel=1e-12)
     workspace = flat_workspace()
-    balls = hidden_balls(workspace, CONE, POINTS, None, FEW)
     asked = situation(workspace=workspace, sensed=(90, 210, 305))
+    balls = hidden_balls(workspace, CONE, POINTS, None, replace(FEW, overlap_share=0.25))  # of 5 mm and more
     share = balls.weights[balls.times_found((90, 210, 305)) > 0].sum() / balls.weights.sum()
     assert PLANNER.confidence(situation(workspace=workspace)) == 0.0
     balls_of_asked = PLANNER.confidence(asked)
@@ -255,7 +313,11 @@ def test_options_out_of_range_and_a_missing_belief_are_refused():
         FindAndOutline(margin_m=0.0)
     with pytest.raises(PlannerError, match="fading"):
         FindAndOutline(fading=1.0)
-    with pytest.raises(PlannerError, match="travel_per_m"):
-        FindAndOutline(travel_per_m=-1.0)
+    with pytest.raises(PlannerError, match="travel_weight"):
+        FindAndOutline(travel_weight=-1.0)
+    with pytest.raises(PlannerError, match="batch must be 1 to 12"):
+        FindAndOutline(batch=13)
+    with pytest.raises(ValueError, match="a tour has 1 to 12 stops"):
+        shortest_tour([], [])
     with pytest.raises(PlannerError, match="needs the map's prediction"):
         list(PLANNER.rank(make_situation(sensed=(0,))))

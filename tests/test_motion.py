@@ -12,7 +12,7 @@ from moved import POSES, motions
 
 from planner import Planner
 from sim.episode import Episode
-from sim.motion import Mover, Phase, blocked, rest_to_rest_s
+from sim.motion import Mover, Phase, blocked
 from sim.movers import make_mover
 from sim.world.joint_limits import JointLimits
 from sim.world.motion_settings import MotionSettings
@@ -138,7 +138,8 @@ def test_slower_joints_take_longer(sphere_arm_stage, kinematic) -> None:
 @pytest.mark.parametrize(("distance", "wanted_s"), [(0.0, 0.0), (0.25, 1.0), (1.0, 2.0), (3.0, 4.0)])
 def test_rest_to_rest_is_the_trapezoid(distance, wanted_s) -> None:
     # speed 1, acceleration 1: below 1 a triangle of 2 sqrt(d), above it d + 1
-    assert rest_to_rest_s(np.array(distance), np.array(1.0), np.array(1.0)) == pytest.approx(wanted_s)
+    limits = JointLimits(np.ones(1), np.ones(1))
+    assert limits.rest_to_rest_s(np.array([distance])) == pytest.approx([wanted_s])
 
 
 def test_the_gaps_prove_what_dense_sampling_finds(sphere_arm_stage) -> None:

@@ -52,6 +52,16 @@ class JointLimits:
             acceleration = np.full(len(is_slide), settings.joint_acceleration)
         return cls(speed, acceleration)
 
+    def rest_to_rest_s(self, distance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Shortest time of each joint over a distance from rest to rest [s].
+
+        Args:
+            distance: [rad or m], 0 or more, shape (..., n).
+        """
+        is_short = distance <= self.speed**2 / self.acceleration
+        short_s = 2.0 * np.sqrt(distance / self.acceleration)
+        return np.where(is_short, short_s, distance / self.speed + self.speed / self.acceleration)
+
 
 def is_embedded(arm_path: Path) -> bool:
     """Whether a file is the embedded arm, a Panda by its numbers."""

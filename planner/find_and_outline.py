@@ -42,8 +42,7 @@ class FindAndOutline(Planner):
     fading: float = 0.03
     """What a ball still counts each time that it was looked at and nothing was found."""
     travel_weight: float = 0.0
-    """How much a second of motion counts against one of sensing: 0 for the fewest actions, 1 for the most found per
-    second of the procedure, more for short ways."""
+    """How much a second of transfer counts against one of sensing: 0 for the fewest actions, more for shorter ways."""
     batch: int = 1
     """Poses that the search chooses together and visits in the order of the shortest way."""
     sure_radius_m: float = 0.005

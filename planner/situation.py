@@ -41,8 +41,8 @@ class Situation:
     false_positive_rate: float = 0.0
     """Share of free points that the sensor is believed to call tumour."""
     motion_s: Callable[[NDArray[np.intp]], NDArray[np.float64]] | None = None
-    """Modelled time of the motion from where the probe is to poses [s], infinite where the arm cannot get; None if
-    nobody can say, as before the first action."""
+    """Modelled time of the transfer from above the last pose to above others [s], infinite where the arm cannot get;
+    None if nobody can say, as before the first action."""
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s]."""
     rng: np.random.Generator
@@ -85,7 +85,7 @@ class Situation:
         return is_available
 
     def seconds_to(self, poses: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Time of the motion to each pose [s], shape of `poses`; without a model, the tip's way at 1 m in 4 s."""
+        """Time of the transfer to each pose [s], shape of `poses`; without a model, the tip's way at 1 m in 4 s."""
         if self.motion_s is not None:
             return self.motion_s(poses)
         if not self.sensed:

@@ -26,8 +26,6 @@ class Carrier(ABC):
     """Names of the joints, with their unit, in the order of `IkResult.q`; empty for a free-flying probe."""
     workspace: Workspace
     """The poses."""
-    standoff_m: float
-    """How far above a pose the probe comes and goes."""
 
     @abstractmethod
     def reach(self, pose: int) -> IkResult:
@@ -58,7 +56,6 @@ class ArmCarrier(Carrier):
     ) -> None:
         """Prepare the kinematics of `scene`'s arm; `organ_distance` is the organ's signed distance grid."""
         self.workspace = workspace
-        self.standoff_m = (settings or IkSettings()).standoff_m
         self._kinematics = Kinematics(scene, Clearance(scene, organ_distance), settings)
         self._answers: dict[int, IkResult] = {}
         self.search = self._kinematics.search
@@ -96,7 +93,7 @@ class FreeCarrier(Carrier):
     def __init__(self, scene: Scene, workspace: Workspace, settings: IkSettings | None = None) -> None:
         """Remember the scene's mocap probe and the workspace."""
         self.workspace = workspace
-        self.standoff_m = (settings or IkSettings()).standoff_m
+        self._standoff_m = (settings or IkSettings()).standoff_m
         tip = scene.model.site(scene.tip_site)
         self._tip_in_body_m = scene.model.site_pos[tip.id].copy()
 
@@ -109,7 +106,7 @@ class FreeCarrier(Carrier):
         """See `Carrier.place`."""
         normal = self.workspace.normals[pose]
         R_world_probe = _frame_along(normal)
-        tip_m = self.workspace.positions_m[pose] - (self.standoff_m if is_lifted else 0.0) * normal
+        tip_m = self.workspace.positions_m[pose] - (self._standoff_m if is_lifted else 0.0) * normal
         data.mocap_pos[0] = tip_m - R_world_probe @ self._tip_in_body_m
         mujoco.mju_mat2Quat(data.mocap_quat[0], R_world_probe.ravel())
         mujoco.mj_fwdPosition(data.model, data)

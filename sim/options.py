@@ -105,8 +105,8 @@ class EpisodeOptions:
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
     travel_weight: float = 0.0
-    """Of find-and-outline: how much a second of motion counts against one of sensing. 0 asks for the fewest actions, 1
-    for the most found per second of the procedure, more for short ways."""
+    """Of find-and-outline: how much a second of transfer counts against one of sensing. 0 asks for the fewest actions,
+    10 for far shorter ways."""
     batch: int = 1
     """Of find-and-outline: poses that its search chooses together and visits in the order of the shortest way."""
     sure_radius_mm: float = 5.0

@@ -21,7 +21,9 @@ class Travel:
         self._settings = settings or MotionSettings()
 
     def seconds(self, start: int, poses: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Time of lift, transfer and descent from one pose to others [s], infinite for those not reached.
+        """Time of the transfer from above one pose to above others [s], infinite for those not reached.
+
+        Lift and descent are left out: they are the same for all.
 
         Args:
             start: Index of the pose at which the probe is.
@@ -36,5 +38,4 @@ class Travel:
             there = np.array([answer.q_standoff for answer in answers if answer.is_reached])
             joints_s = self._limits.rest_to_rest_s(np.abs(there - here.q_standoff)).max(axis=1)
             tip_s[is_reached] = np.maximum(tip_s[is_reached], joints_s)
-        to_and_fro_s = 2.0 * self._carrier.standoff_m / self._settings.approach_speed_m_s
-        return np.where(is_reached, tip_s + to_and_fro_s, np.inf)
+        return np.where(is_reached, tip_s, np.inf)

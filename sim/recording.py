@@ -36,6 +36,11 @@ WRITTEN = (
     "bases.csv",
     "arms.csv",
     "arms.md",
+    "poses.csv",
+    "poses.json",
+    "tumours.csv",
+    "false_findings.csv",
+    "report.html",
 )
 """Files of a run besides the manifest, figures and frames."""
 
@@ -105,6 +110,8 @@ class RunFolder(ClaimedFolder):
             *self.path.glob("*.png"),
             *frames.glob("*.png"),
             *(self.path / "motion").glob("*.npz"),
+            *(self.path / "maps").glob("*.npz"),
+            *(self.path / "surfaces").glob("mapped*.*"),
         ]
         for file in old:
             file.unlink(missing_ok=True)

@@ -21,6 +21,7 @@ from .motion import ProcedureStoppedError
 from .movers import make_mover
 from .options import EpisodeOptions
 from .recording import RunFolder
+from .report import write_report
 from .run_figures import draw_run_figures
 from .run_files import run_config, write_map, write_step
 from .stage import Stage, build_stage
@@ -163,6 +164,8 @@ class _Recording:
             draw_run_figures(folder.path, episode, tally.steps)
         folder.write_json("summary.json", summary)
         folder.finish(self._status)
+        if self._options.report:
+            write_report(folder.path)
         return summary
 
 

@@ -17,6 +17,7 @@ from .options import EpisodeOptions
 from .replay_options import ReplayOptions
 from .report_options import ReportOptions
 from .trials_options import CompareOptions, TrialsOptions
+from .view_options import ViewOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
@@ -36,6 +37,7 @@ COMMANDS = {
     "ik": IkOptions,
     "replay": ReplayOptions,
     "report": ReportOptions,
+    "view": ViewOptions,
     "doctor": DoctorOptions,
 }
 DESCRIPTION = (
@@ -61,6 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _replay(options)
         if isinstance(options, ReportOptions):
             return _report(options)
+        if isinstance(options, ViewOptions):
+            return _view(options)
         if isinstance(options, TrialsOptions):
             return _trials(options)
         if isinstance(options, CompareOptions):
@@ -158,6 +162,16 @@ def _report(options: ReportOptions) -> int:
 
     for folder in options.folders:
         print(f"written to {write_report(folder)}")
+    return 0
+
+
+def _view(options: ViewOptions) -> int:
+    from .view import run_view
+
+    try:
+        print(run_view(options))
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
     return 0
 
 

@@ -64,6 +64,11 @@ class MapField:
         cell_m = np.where(self.cell_m > 0, self.cell_m, 1.0)
         return (points_m - low_m) / cell_m
 
+    def nearest(self, points_m: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Indices of the lattice point nearest to each point, shape (N, 3)."""
+        rounded = np.rint(self.indices_of(points_m)).astype(np.intp)
+        return np.clip(rounded, 0, np.array(self.log_odds.shape) - 1)
+
     def at(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log-odds between the lattice's points by cubic interpolation, shape (N,)."""
         places = self.indices_of(points_m).T

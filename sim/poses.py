@@ -6,7 +6,7 @@ with +z along the beam; `T_organ_probe` maps them to the frame of the organ's fi
 
 from __future__ import annotations
 
-import csv
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mapping.storage import replacing
+
 from .errors import UsageError
+from .recording import read_rows
 
 POSES_CSV, POSES_JSON = "poses.csv", "poses.json"
 FRAMES = {
@@ -53,17 +56,21 @@ def read_poses(folder: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     Raises:
         UsageError: The file is missing or broken.
     """
-    path = folder / POSES_CSV
+    rows = read_rows(folder / POSES_CSV)
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = [row for row in csv.DictReader(file) if None not in row.values()]
-        poses = [_matrix(row) for row in rows]
-        steps = [int(row["step"]) for row in rows]
-    except FileNotFoundError:
-        return np.empty(0, dtype=np.int64), np.empty((0, 4, 4))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{path}: cannot be read ({error}). Run the episode again.") from error
+        numbers = [_numbers(row) for row in rows]
+        poses = [_matrix(row) for row in numbers]
+    except (ValueError, KeyError) as error:
+        raise UsageError(f"{folder / POSES_CSV}: cannot be read ({error}). Run the episode again.") from error
+    steps = [int(row["step"]) for row in numbers]
     return np.array(steps, dtype=np.int64), np.array(poses).reshape(-1, 4, 4)
+
+
+def write_poses_json(folder: Path, T_world_organ: ArrayLike) -> None:
+    """Write poses.json from poses.csv."""
+    document = poses_document([_numbers(row) for row in read_rows(folder / POSES_CSV)], T_world_organ)
+    with replacing(folder / POSES_JSON) as file:
+        file.write((json.dumps(document, indent=1) + "\n").encode())
 
 
 def poses_document(rows: Sequence[Mapping[str, Any]], T_world_organ: ArrayLike) -> dict[str, Any]:
@@ -100,10 +107,15 @@ def _wxyz(T: NDArray[np.float64]) -> list[float]:
     return (quaternion if quaternion[0] >= 0 else -quaternion).tolist()
 
 
-def _matrix(row: Mapping[str, str]) -> NDArray[np.float64]:
+def _matrix(row: Mapping[str, float]) -> NDArray[np.float64]:
     T, R = np.eye(4), np.empty(9)
-    quaternion = np.array([float(row[f"T_world_probe_quaternion_{axis}"]) for axis in "wxyz"])
+    quaternion = np.array([row[f"T_world_probe_quaternion_{axis}"] for axis in "wxyz"])
     mujoco.mju_quat2Mat(R, quaternion)
     T[:3, :3] = R.reshape(3, 3)
-    T[:3, 3] = [float(row[f"T_world_probe_position_{axis}_m"]) for axis in "xyz"]
+    T[:3, 3] = [row[f"T_world_probe_position_{axis}_m"] for axis in "xyz"]
     return T
+
+
+def _numbers(row: Mapping[str, str]) -> dict[str, float | int]:
+    whole = ("step", "pose_index")
+    return {name: int(cell) if name in whole else float(cell) for name, cell in row.items()}

@@ -111,7 +111,7 @@ class RunFolder(ClaimedFolder):
             *frames.glob("*.png"),
             *(self.path / "motion").glob("*.npz"),
             *(self.path / "maps").glob("*.npz"),
-            *(self.path / "surfaces").glob("mapped*.*"),
+            *(self.path / "surfaces").glob("mapped*"),
         ]
         for file in old:
             file.unlink(missing_ok=True)
@@ -173,3 +173,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """The whole rows of a CSV file, none where it is missing; a last one that a kill cut short is left out."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if None not in row.values() and None not in row]

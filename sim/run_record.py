@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import zipfile
 from collections.abc import Mapping
@@ -15,11 +14,12 @@ from numpy.typing import NDArray
 
 from planner import Cone
 
+from .claimed_folder import MANIFEST
 from .errors import UsageError
 from .map_field import MapField
 from .map_history import read_history
 from .poses import read_poses
-from .claimed_folder import MANIFEST
+from .recording import read_rows
 from .trajectories import ANATOMY, read_anatomy
 from .world.anatomy import Anatomy
 
@@ -102,7 +102,7 @@ def read_run(folder: Path) -> RunRecord:
     anatomy = read_anatomy(folder)
     points_m, tumours = _detection(folder / ANATOMY)
     n_steps, T_world_probe = read_poses(folder)
-    steps = _rows(folder / "steps.csv")[: len(n_steps)]  # a kill may leave one row more in one of them
+    steps = read_rows(folder / "steps.csv")[: len(n_steps)]  # a kill may leave one row more in one of them
     field = _field(folder / "map.npz")
     n_points = None if field is None else field.n_inside
     history = {
@@ -116,7 +116,7 @@ def read_run(folder: Path) -> RunRecord:
         manifest=manifest,
         summary=_json(folder / "summary.json") if (folder / "summary.json").is_file() else {},
         steps=steps,
-        skipped=_rows(folder / "skipped.csv"),
+        skipped=read_rows(folder / "skipped.csv"),
         T_world_probe=T_world_probe[: len(steps)],
         anatomy=anatomy,
         detection_points_m=points_m,
@@ -134,14 +134,6 @@ def _json(path: Path) -> dict[str, Any]:
         return content
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: cannot be read ({error}). Run the episode again.") from error
-
-
-def _rows(path: Path) -> Rows:
-    """The whole rows of a table; a last one that a kill cut short is left out."""
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return [row for row in csv.DictReader(file) if None not in row.values() and None not in row]
 
 
 def _detection(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -12,8 +12,10 @@ from scipy.special import expit
 
 from mapping import average_precision, precision_recall_curve
 
+from ..findings import Findings
 from ..run_record import RunRecord
 from .charts import curve_chart, progress_chart, reliability, reliability_chart
+from .finding_rows import finding_rows
 
 SENSED_TARGET = 0.95
 STATUS = {
@@ -24,16 +26,17 @@ STATUS = {
 }
 
 
-def chapters(record: RunRecord) -> dict[str, Any]:
+def chapters(record: RunRecord, findings: Findings) -> dict[str, Any]:
     """What the template of a run's page shows, as plain values and SVG text."""
     return {
         "title": title(record),
         "lede": _lede(record),
         "status": STATUS.get(str(record.manifest.get("status")), ""),
-        "figures": _key_figures(record),
+        "figures": _key_figures(record, findings),
         "progress": _progress(record),
         "readings": _readings(record),
         "quality": _quality(record),
+        "findings": finding_rows(findings),
         "arm": _arm(record),
         "skipped": _skipped(record),
         "space": _space(record),
@@ -57,11 +60,15 @@ def _lede(record: RunRecord) -> str:
     return f"{n} {actions} with {carrier}, seed {record.options['seed']}. {version}, {day}."
 
 
-def _key_figures(record: RunRecord) -> list[tuple[str, str]]:
+def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]:
     """Names and values of what one wants to know first."""
     sensed, auprc = record.numbers("sensed_fraction"), record.numbers("auprc")
     reached = np.flatnonzero(sensed >= SENSED_TARGET)
-    figures = [("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan))]
+    figures = []
+    if record.field is not None and findings.tumours:
+        figures.append(("tumours found", f"{findings.n_found} of {len(findings.tumours)}"))
+        figures.append(("false findings", str(len(findings.false))))
+    figures.append(("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan)))
     figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
     if record.field is not None:
         figures.append(("AUPRC of the map", _number(auprc[-1] if len(auprc) else math.nan, 3)))

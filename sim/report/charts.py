@@ -72,7 +72,7 @@ def progress_chart(
     points = [[round(plot.x(i + 1), 1), round(plot.y(v), 1)] if np.isfinite(v) else None
               for i, v in enumerate(values)]  # fmt: skip
     drawn = [f"{x},{y}" for x, y in (point for point in points if point)]
-    body = [_y_axis(plot, ticks, is_percent), _x_axis(plot, _count_ticks(len(values)))]
+    body = [y_axis(plot, ticks, is_percent), x_axis(plot, count_ticks(len(values)))]
     if target is not None:
         y = plot.y(target)
         body.append(
@@ -89,7 +89,7 @@ def progress_chart(
         f'<circle class="now {colour}" r="4.5"/>'
     )
     data = escape(json.dumps({"points": points, "texts": texts}, separators=(",", ":")), quote=True)
-    return _svg(plot, label, body, f'data-chart="{name}" data-follow="{data}"')
+    return svg_text(plot, label, body, f'data-chart="{name}" data-follow="{data}"')
 
 
 def curve_chart(
@@ -108,7 +108,7 @@ def curve_chart(
     plot = _unit_square()
     path = " ".join(f"{plot.x(a):.1f},{plot.y(b):.1f}" for a, b in _steps(x, y))
     foot, first, last = plot.y(0.0), plot.x(float(x[0])), plot.x(float(x[-1]))
-    body = [_y_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0), False), _x_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0))]
+    body = [y_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0), False), x_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0))]
     body.append(
         f'<polygon class="area {colour}" points="{first:.1f},{foot:.1f} {path} {last:.1f},{foot:.1f}"/>'
     )
@@ -119,7 +119,7 @@ def curve_chart(
             f'<line class="target" x1="{plot.left}" x2="{plot.width - plot.right}" y1="{at:.1f}" y2="{at:.1f}"/>'
             f'<text class="note" x="{plot.left + 6}" y="{at - 5:.1f}">{escape(level_text)}</text>'
         )
-    return _svg(plot, label, body)
+    return svg_text(plot, label, body)
 
 
 def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *, label: str) -> str:
@@ -133,7 +133,7 @@ def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *,
     """
     plot = _unit_square()
     ticks = (0.0, 0.25, 0.5, 0.75, 1.0)
-    body = [_y_axis(plot, ticks, False), _x_axis(plot, ticks)]
+    body = [y_axis(plot, ticks, False), x_axis(plot, ticks)]
     body.append(f'<line class="target" x1="{plot.x(0)}" y1="{plot.y(0)}" x2="{plot.x(1)}" y2="{plot.y(1)}"/>')
     line = " ".join(f"{plot.x(p):.1f},{plot.y(o):.1f}" for p, o in zip(predicted, observed, strict=True))
     body.append(f'<polyline class="line map thin" points="{line}"/>')
@@ -144,7 +144,7 @@ def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *,
             f'<circle class="dot map" cx="{plot.x(p):.1f}" cy="{plot.y(o):.1f}" r="{radius:.1f}"><title>{title}</title>'
             "</circle>"
         )
-    return _svg(plot, label, body)
+    return svg_text(plot, label, body)
 
 
 def reliability(
@@ -182,12 +182,14 @@ def _unit_square() -> Plot:
     return Plot(x_range=(0.0, 1.0), y_range=(0.0, 1.0), width=380.0, height=300.0)
 
 
-def _count_ticks(n: int) -> list[float]:
+def count_ticks(n: int) -> list[float]:
+    """At most seven whole numbers from 0 to n, evenly."""
     step = next(s * 10**p for p in range(6) for s in (1, 2, 5) if n / (s * 10**p) <= 6)
     return [float(tick) for tick in range(0, n + 1, step)]
 
 
-def _y_axis(plot: Plot, ticks: Sequence[float], is_percent: bool) -> str:
+def y_axis(plot: Plot, ticks: Sequence[float], is_percent: bool) -> str:
+    """The numbers beside a chart, with a line for each."""
     parts = []
     for tick in ticks:
         y = plot.y(tick)
@@ -201,15 +203,18 @@ def _y_axis(plot: Plot, ticks: Sequence[float], is_percent: bool) -> str:
     return "".join(parts)
 
 
-def _x_axis(plot: Plot, ticks: Sequence[float]) -> str:
+def x_axis(plot: Plot, ticks: Sequence[float], texts: Sequence[str] | None = None) -> str:
+    """The numbers below a chart, as texts where these are given."""
+    texts = texts or [f"{tick:g}" for tick in ticks]
     return "".join(
         f'<text class="tick" x="{plot.x(tick):.1f}" y="{plot.height - plot.bottom + 15:.1f}" '
-        f'text-anchor="middle">{tick:g}</text>'
-        for tick in ticks
+        f'text-anchor="middle">{text}</text>'
+        for tick, text in zip(ticks, texts, strict=True)
     )
 
 
-def _svg(plot: Plot, label: str, body: Sequence[str], attributes: str = "") -> str:
+def svg_text(plot: Plot, label: str, body: Sequence[str], attributes: str = "") -> str:
+    """A chart of these elements, with a text for those who cannot see it."""
     return (
         f'<svg viewBox="0 0 {plot.width:g} {plot.height:g}" role="img" aria-label="{escape(label, quote=True)}" '
         f"{attributes}>{''.join(body)}</svg>"

@@ -24,17 +24,23 @@ def frame_images(folder: Path, *, most_bytes: int) -> dict[int, str]:
         files = {0: folder / "final.png"}
     if sum(file.stat().st_size for file in files.values()) * BASE64 <= most_bytes:
         return {step: _address(file.read_bytes()) for step, file in files.items()}
+    images: dict[int, str] = {}
     for width_px in WIDTHS_PX:
         images = {step: _address(_scaled(file, width_px)) for step, file in files.items()}
         if sum(map(len, images.values())) <= most_bytes:
-            return images
-    kept, room = {}, most_bytes
-    stride = -(-sum(map(len, images.values())) // most_bytes)
-    for step in [*sorted(images)[:-1:stride], max(images)]:
-        if len(images[step]) <= room:
+            break
+    return _thinned(images, most_bytes)
+
+
+def _thinned(images: dict[int, str], most_bytes: int) -> dict[int, str]:
+    """As many as there is room for, evenly over the actions, the last one first."""
+    size = max(sum(map(len, images.values())), 1)
+    stride = -(-size // max(most_bytes, 1))
+    kept: dict[int, str] = {}
+    for step in sorted(images, reverse=True)[::stride]:
+        if sum(map(len, kept.values())) + len(images[step]) <= most_bytes:
             kept[step] = images[step]
-            room -= len(images[step])
-    return kept
+    return dict(sorted(kept.items()))
 
 
 def _address(png: bytes) -> str:

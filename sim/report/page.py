@@ -11,7 +11,9 @@ import jinja2
 
 from mapping.storage import replacing
 
+from ..findings import Findings
 from ..run_record import RunRecord, read_run
+from ..run_results import write_results
 from .chapters import chapters
 from .frames import frame_images
 from .packing import Pack
@@ -24,21 +26,25 @@ MOST_BYTES = 15_000_000
 """A report is no larger; pictures are made smaller until it fits."""
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, findings: Findings | None = None) -> Path:
     """Write the report of a run, finished or not, from its folder alone; returns the file.
+
+    Args:
+        folder: Of the run.
+        findings: What its last map found, where that is known; it is found out, and its files are written, else.
 
     Raises:
         UsageError: It is not the folder of an episode, or one of its files is broken.
     """
     record = read_run(folder)
-    text = page(record)
+    text = page(record, findings or write_results(record))
     path = folder / REPORT
     with replacing(path) as file:
         file.write(text.encode())
     return path
 
 
-def page(record: RunRecord) -> str:
+def page(record: RunRecord, findings: Findings) -> str:
     """The page's text."""
     pack = Pack()
     view = view_data(record, pack)
@@ -47,7 +53,7 @@ def page(record: RunRecord) -> str:
         record.folder / "frames", most_bytes=MOST_BYTES - _script_bytes() - len(packed) - 500_000
     )
     data = {"view": view, "n_steps": record.n_steps, "frames": sorted(frames)}
-    shown = chapters(record)
+    shown = chapters(record, findings)
     return environment().get_template("run.html.j2").render(
         **shown, data=_json(data), readings_json=_json(shown["readings"]), packed=packed, frames=frames,
         scripts=scripts(),

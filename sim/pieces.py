@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,11 @@ class Pieces:
 
         A piece touches a tumour where the lattice point nearest to one of the tumour's points belongs to it.
         """
-        labels, n_pieces = label((field.log_odds > level) & field.is_inside, structure=np.ones((3, 3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+        is_called = (field.log_odds > level) & field.is_inside
+        labelled: Any = label(
+            is_called, structure=np.ones((3, 3, 3))
+        )  # (labels, count), as scipy's types do not say
+        labels, n_pieces = np.asarray(labelled[0], dtype=np.intp), int(labelled[1])
         touches = np.zeros((n_pieces + 1, n_tumours), dtype=bool)
         touches[labels[tuple(field.nearest(tumour_points_m).T)], tumour_of_point] = True
         touches[0] = False

@@ -28,7 +28,7 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
         UsageError: Rerun is not installed.
     """
     try:
-        import rerun as rr
+        import rerun as rr  # pyright: ignore[reportMissingImports], an extra that need not be there
     except ImportError as error:
         raise UsageError("--rerun needs Rerun: pip install 'sounding[rerun]'.") from error
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -6,9 +6,12 @@ STL is in millimetres, as scanners and 3D Slicer have it; glTF in metres, as its
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from mapping.storage import replacing
 
@@ -53,15 +56,15 @@ def _coloured(solid: Solid, name: str) -> trimesh.Trimesh:
     kind = "false" if "false" in name else name.split("_")[0]
     colour = COLOURS[kind]
     mesh = solid.to_trimesh()
-    material = trimesh.visual.material.PBRMaterial(
+    material = PBRMaterial(
         name=kind, baseColorFactor=np.array(colour), alphaMode="OPAQUE" if colour[3] == 1 else "BLEND",
         roughnessFactor=0.9, metallicFactor=0.0, doubleSided=True,
     )  # fmt: skip
-    mesh.visual = trimesh.visual.TextureVisuals(material=material)
+    mesh.visual = TextureVisuals(material=material)
     return mesh
 
 
-def _write(path: Path, content: str | bytes) -> Path:
+def _write(path: Path, content: Any) -> Path:
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
     return path

@@ -97,16 +97,12 @@ def _progress(record: RunRecord) -> list[dict[str, str]]:
 
 def _readings(record: RunRecord) -> list[dict[str, str]]:
     """What is told of each action beside the slider, the first for before any."""
-    told: list[dict[str, str]] = [
-        {"Action": "before the first", "Pose": "–", "Points read": "–", "Tumour": "–"}
-    ]
+    told: list[dict[str, str]] = [{}]
     for row in record.steps:
         told.append(
             {
-                "Action": row["step"],
                 "Pose": row["pose_index"],
-                "Points read": row["n_points"],
-                "Tumour": f"{row['n_occupied']} points",
+                "Points read": f"{row['n_points']}, {row['n_occupied']} of them tumour",
             }
         )
     return told

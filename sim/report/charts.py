@@ -179,7 +179,7 @@ def _nice(value: float) -> float:
 
 
 def _unit_square() -> Plot:
-    return Plot(x_range=(0.0, 1.0), y_range=(0.0, 1.0), width=380.0, height=300.0)
+    return Plot(x_range=(0.0, 1.0), y_range=(0.0, 1.0), width=540.0, height=380.0)
 
 
 def count_ticks(n: int) -> list[float]:

@@ -93,7 +93,7 @@
     const tell = () => { output.textContent = Number(range.value).toFixed(2); };
     range.addEventListener("input", () => { tell(); view.setLevel(Number(range.value)); });
     tell();
-    label.append("Map drawn from probability", range, output);
+    label.append("Map from probability", range, output);
     legend.append(label);
   };
 

@@ -51,6 +51,17 @@ const makeView = (data, array, onPick) => {
     geometry.computeVertexNormals();
     return geometry;
   };
+  // The same surface with its edges kept sharp: a corner takes its face's normal where the smooth one is far from it.
+  const creased = smooth => {
+    const geometry = smooth.toNonIndexed(), at = geometry.attributes.position.array, normals = geometry.attributes.normal.array;
+    const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3(), n = new THREE.Vector3();
+    for (let i = 0; i < at.length; i += 9) {
+      a.fromArray(at, i); b.fromArray(at, i + 3); c.fromArray(at, i + 6);
+      const face = b.sub(a).cross(c.sub(a)).normalize();
+      for (let k = i; k < i + 9; k += 3) if (n.fromArray(normals, k).dot(face) < 0.8) face.toArray(normals, k);
+    }
+    return geometry;
+  };
   const layer = () => { const group = new THREE.Group(); scene.add(group); return group; };
   const lines = (points, name, opacity) => {
     const geometry = new THREE.BufferGeometry();
@@ -60,12 +71,12 @@ const makeView = (data, array, onPick) => {
 
   // Organ and true tumours.
   const organ = layer(), truth = layer();
-  const organBack = new THREE.Mesh(geometryOf(data.organ), veil("organ", 0.05, 0.16, THREE.BackSide));
+  const organBack = new THREE.Mesh(creased(geometryOf(data.organ)), veil("organ", 0.05, 0.16, THREE.BackSide));
   const organFront = new THREE.Mesh(organBack.geometry, veil("organ", 0.07, 0.42));
   organBack.renderOrder = 1;
   organFront.renderOrder = 4;
   organ.add(organBack, organFront);
-  const tumourMaterial = veil("truth", 0.3, 0.75);
+  const tumourMaterial = veil("truth", 0.16, 0.9);
   for (const mesh of data.tumours) truth.add(new THREE.Mesh(geometryOf(mesh), tumourMaterial));
   for (const mesh of truth.children) mesh.renderOrder = 3;
 
@@ -125,7 +136,7 @@ const makeView = (data, array, onPick) => {
   if (data.arm) {
     for (let b = 0; b < data.arm.n_bodies; b++) { const body = new THREE.Group(); bodies.push(body); arm.add(body); }
     for (const part of data.arm.parts) {
-      bodies[part.body].add(new THREE.Mesh(geometryOf(part), lit(part.colour.map(part => part ** 0.7))));
+      bodies[part.body].add(new THREE.Mesh(creased(geometryOf(part)), lit(part.colour.map(part => part ** 0.7))));
     }
   }
   const armPoses = data.arm && array(data.arm.poses);
@@ -153,16 +164,17 @@ const makeView = (data, array, onPick) => {
   // Frames and the table.
   const frames = layer(), table = layer(), labels = [];
   const holderOfLabels = document.getElementById("labels");
-  const label = (text, at, group, soft, of) => {
+  const label = (text, at, group, soft, of, end) => {
     const element = document.createElement("span");
     element.textContent = text;
     if (soft) element.className = "soft";
     holderOfLabels.append(element);
-    labels.push({ element, at, group, of: of ?? at });
+    labels.push({ element, at, group, of: of ?? at, end });
     return labels[labels.length - 1];
   };
   const low = new THREE.Vector3(...data.bounds[0]), high = new THREE.Vector3(...data.bounds[1]);
-  const middle = low.clone().add(high).multiplyScalar(0.5), size = high.clone().sub(low), reach = size.length() / 2;
+  const middle = low.clone().add(high).multiplyScalar(0.5), size = high.clone().sub(low);
+  const unit = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
   const triad = (at, axes, names, title, length) => {
     const points = [];
     axes.forEach((axis, i) => {
@@ -170,12 +182,11 @@ const makeView = (data, array, onPick) => {
       const side = new THREE.Vector3().crossVectors(axis, axes[(i + 1) % 3]).normalize().multiplyScalar(length * 0.045);
       const neck = at.clone().addScaledVector(axis, length * 0.86);
       points.push(...at, ...end, ...end, ...neck.clone().add(side), ...end, ...neck.clone().sub(side));
-      label(names[i], at.clone().addScaledVector(axis, length * 1.14), frames, false, at);
+      label(names[i], at.clone().addScaledVector(axis, length * 1.14), frames, false, at, at.clone().addScaledVector(axes[2], length));
     });
     frames.add(lines(points, "ink", 0.85));
-    if (title) label(title, at.clone().addScaledVector(axes[2], -length * 0.2), frames, true);
+    if (title) label(title, at.clone().addScaledVector(unit[2], -length * 0.2), frames, true, at, at.clone().addScaledVector(axes[2], length));
   };
-  const unit = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
   const T = data.T_world_organ, organAxes = [0, 1, 2].map(i => new THREE.Vector3(T[0][i], T[1][i], T[2][i]));
   const beside = new THREE.Vector3(low.x - 0.16 * size.x, low.y - 0.16 * size.y, Math.max(low.z, 0) + 0.001);
   triad(beside, unit, ["x", "y", "z"], "world axes", AXIS_M);
@@ -186,7 +197,7 @@ const makeView = (data, array, onPick) => {
   const isTurned = organAxes.some((axis, i) => axis.distanceTo(unit[i]) > 1e-6);
   if (isTurned || data.is_patient) {
     const names = data.is_patient ? ["x left", "y back", "z head"] : ["x", "y", "z"];
-    triad(new THREE.Vector3(high.x + 0.12 * size.x, middle.y, Math.max(low.z, 0) + AXIS_M), organAxes, names, "organ axes", AXIS_M);
+    triad(new THREE.Vector3(high.x + 0.02 * size.x, middle.y - 0.12 * size.y, Math.max(low.z, 0) + 1.25 * AXIS_M), organAxes, names, "organ axes", AXIS_M);
   }
   const tipFrame = new THREE.Group();
   tipFrame.matrixAutoUpdate = false;
@@ -211,15 +222,26 @@ const makeView = (data, array, onPick) => {
     controls.update();
     request();
   };
-  const fit = radius => radius / Math.sin(camera.fov * Math.PI / 360) / Math.min(1, camera.aspect);
+  // From a direction, as near as all of some points can be seen.
+  const show = (points, direction, share) => {
+    const target = points.reduce((sum, point) => sum.add(point), new THREE.Vector3()).divideScalar(points.length);
+    const back = direction.normalize(), right = new THREE.Vector3().crossVectors(camera.up, back).normalize();
+    const up = new THREE.Vector3().crossVectors(back, right), tangent = Math.tan(camera.fov * Math.PI / 360) * share;
+    const distances = points.map(point => {
+      const from = point.clone().sub(target);
+      return from.dot(back) + Math.max(Math.abs(from.dot(right)) / (tangent * camera.aspect), Math.abs(from.dot(up)) / tangent);
+    });
+    look(target, back, Math.max(...distances));
+  };
+  const corners = [];
+  for (const x of [low.x, high.x]) for (const y of [low.y, high.y]) for (const z of [low.z, high.z]) corners.push(new THREE.Vector3(x, y, z));
+  const within = corners.map(corner => corner.clone().lerp(middle, 0.06)), head = new THREE.Vector3(middle.x, middle.y, high.z + 0.05);
+  const foot = data.base ? [0, 1].map(i => new THREE.Vector3(data.base[0][3], data.base[1][3], 0.85 * i)) : corners.map(corner => corner.clone().lerp(middle, -0.8));
   const presets = {
-    organ: () => look(middle.clone().add(new THREE.Vector3(0, 0, 0.12 * size.z)), new THREE.Vector3(0.62, -1, 0.62), fit(reach) * 0.84),
-    arm: () => {
-      const foot = data.base ? new THREE.Vector3(data.base[0][3], data.base[1][3], 0.35) : middle.clone();
-      look(middle.clone().add(foot).multiplyScalar(0.5), new THREE.Vector3(0.5, -1, 0.42), fit(data.base ? Math.max(reach, middle.distanceTo(foot) * 0.5 + 0.32) : reach * 1.6));
-    },
-    top: () => look(middle.clone(), new THREE.Vector3(0, -0.0015, 1), fit(reach) * 0.84),
-    side: () => look(middle.clone(), new THREE.Vector3(0, -1, 0.0), fit(reach) * 0.84),
+    organ: () => show([...within, head, head, beside], new THREE.Vector3(0.62, -1, 0.62), 0.93),
+    arm: () => show([...corners, ...foot, ...foot], new THREE.Vector3(0.5, -1, 0.42), 0.9),
+    top: () => show(corners, new THREE.Vector3(0, -0.0015, 1), 0.85),
+    side: () => show([...corners, head], new THREE.Vector3(0, -1, 0), 0.85),
   };
 
   let wanted = false;
@@ -237,8 +259,12 @@ const makeView = (data, array, onPick) => {
     renderer.render(scene, camera);
     const { clientWidth: width, clientHeight: height } = holder, spot = new THREE.Vector3();
     const isInView = at => { spot.copy(at).project(camera); return spot.z < 1 && Math.abs(spot.x) < 0.98 && Math.abs(spot.y) < 0.98; };
-    for (const { element, at, group, of } of labels) {
-      const isShown = group.visible && element.textContent && isInView(of) && isInView(at);
+    const isLong = (from, to) => { // a triad seen from far away would be covered by its labels
+      const a = from.clone().project(camera), b = to.clone().project(camera);
+      return Math.hypot((a.x - b.x) * width, (a.y - b.y) * height) / 2 > 44;
+    };
+    for (const { element, at, group, of, end } of labels) {
+      const isShown = group.visible && element.textContent && isInView(of) && (!end || isLong(of, end)) && isInView(at);
       element.style.display = isShown ? "" : "none";
       if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
     }

@@ -11,7 +11,7 @@ ARGS ?=
 JOBS ?= 2
 TESTS ?=
 
-.PHONY: help setup setup-dev episode paper doctor test check format clean
+.PHONY: help setup setup-dev episode paper doctor test check format docs clean
 
 help:
 	@echo "make episode   set up, then run one episode; ends with its folder and results"
@@ -22,6 +22,7 @@ help:
 	@echo "make test      set up what is missing and run the tests (TESTS='tests/test_cone.py -k volume' for some)"
 	@echo "make check     linter, formatter and type checker"
 	@echo "make format    let the formatter and the linter rewrite the code"
+	@echo "make docs      build the pages in docs/ into site/"
 	@echo "make clean     remove .venv and caches; runs in renders/ stay"
 
 setup:
@@ -59,6 +60,9 @@ format:
 	@FRAMES=none sh .ci/setup dev
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
+
+docs: setup-dev
+	.venv/bin/python -m mkdocs build --strict
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis

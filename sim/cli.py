@@ -15,7 +15,9 @@ from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
 from .replay_options import ReplayOptions
+from .report_options import ReportOptions
 from .trials_options import CompareOptions, TrialsOptions
+from .view_options import ViewOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
@@ -34,6 +36,8 @@ COMMANDS = {
     "reach": ReachOptions,
     "ik": IkOptions,
     "replay": ReplayOptions,
+    "report": ReportOptions,
+    "view": ViewOptions,
     "doctor": DoctorOptions,
 }
 DESCRIPTION = (
@@ -57,6 +61,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _ik(options)
         if isinstance(options, ReplayOptions):
             return _replay(options)
+        if isinstance(options, ReportOptions):
+            return _report(options)
+        if isinstance(options, ViewOptions):
+            return _view(options)
         if isinstance(options, TrialsOptions):
             return _trials(options)
         if isinstance(options, CompareOptions):
@@ -145,6 +153,24 @@ def _replay(options: ReplayOptions) -> int:
         print(run_replay(options))
     except KeyboardInterrupt:
         print("sounding: interrupted; no video was written.", file=sys.stderr)
+        return EXIT_INTERRUPTED
+    return 0
+
+
+def _report(options: ReportOptions) -> int:
+    from .report import write_report
+
+    for folder in options.folders:
+        print(f"written to {write_report(folder)}")
+    return 0
+
+
+def _view(options: ViewOptions) -> int:
+    from .view import run_view
+
+    try:
+        print(run_view(options))
+    except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     return 0
 

@@ -17,6 +17,7 @@ from .comparison_figures import draw_curves, draw_precision, draw_reached, draw_
 from .comparison_tables import flat_rows, markdown
 from .errors import UsageError
 from .local_engine import LocalEngine
+from .report import write_campaign_report
 from .study import Trial, options_of
 from .trial_groups import load_groups, notes_on
 from .trial_result import TrialResult
@@ -42,7 +43,7 @@ class CompareSummary:
 
 
 def run_compare(options: CompareOptions) -> CompareSummary:
-    """Compare campaigns and write compare.md, compare.csv and figures.
+    """Compare campaigns and write compare.md, compare.csv, report.html and figures.
 
     Raises:
         UsageError: A folder holds no campaign, a reference is unknown, or the output cannot be written.
@@ -52,7 +53,8 @@ def run_compare(options: CompareOptions) -> CompareSummary:
     if options.reference is not None and options.reference not in contenders:
         raise UsageError(f"--reference {options.reference}: choose one of {'; '.join(contenders)}.")
     comparison = compare_groups(groups, reference=options.reference)
-    text = markdown(comparison, notes_on(options.folders))
+    notes = notes_on(options.folders)
+    text = markdown(comparison, notes)
     folder = options.out_folder()
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / "compare.md") as file:
@@ -66,6 +68,8 @@ def run_compare(options: CompareOptions) -> CompareSummary:
     ]
     if options.view_seed is not None:
         figures += draw_views(folder / "views", comparison, options.view_seed, options.jobs)
+    views = folder / "views" if options.view_seed is not None else None
+    write_campaign_report(folder, comparison, notes=notes, campaigns=options.folders, views=views)
     return CompareSummary(text, folder, tuple(figures))
 
 

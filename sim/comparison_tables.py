@@ -17,7 +17,7 @@ def markdown(comparison: Comparison, notes: Sequence[str] = ()) -> str:
     """All tables, case by case."""
     parts = ["# Comparison", *notes]
     for case in comparison.cases:
-        parts += [f"## {case}", *_failures(comparison, case)]
+        parts += [f"## {case}", *failures(comparison, case)]
         scores = [score for score in comparison.scores if score.case == case]
         pairings = [pairing for pairing in comparison.pairings if pairing.case == case]
         for measure in dict.fromkeys(score.measure for score in scores):
@@ -46,9 +46,9 @@ def score_table(scores: Sequence[Score]) -> str:
             (
                 score.contender,
                 str(estimate.n),
-                f"{form.format(estimate.mean)} ± {_number(estimate.deviation, form)}",
+                f"{form.format(estimate.mean)} ± {number_text(estimate.deviation, form)}",
                 interval_text(estimate.interval, form),
-                f"{_number(score.median, form)} {interval_text(score.median_interval, form)}",
+                f"{number_text(score.median, form)} {interval_text(score.median_interval, form)}",
                 never,
                 str(score.n_failed),
             )
@@ -89,7 +89,7 @@ def interval_text(interval: Interval, form: str) -> str:
     """An interval in brackets, a dash where there is none."""
     if math.isnan(interval[0]):
         return "[–]"
-    return f"[{_number(interval[0], form)}, {_number(interval[1], form)}]"
+    return f"[{number_text(interval[0], form)}, {number_text(interval[1], form)}]"
 
 
 def flat_rows(comparison: Comparison) -> list[dict[str, Any]]:
@@ -139,7 +139,7 @@ def _estimate_cells(estimate: MeanEstimate) -> dict[str, Any]:
     }
 
 
-def _failures(comparison: Comparison, case: str) -> list[str]:
+def failures(comparison: Comparison, case: str) -> list[str]:
     """A sentence about the trials without a result, which must not go unnoticed."""
     failed = [(group, entry) for group in comparison.groups_of(case) for entry in group.failed]
     if not failed:
@@ -151,7 +151,8 @@ def _failures(comparison: Comparison, case: str) -> list[str]:
     ]
 
 
-def _number(value: float, form: str) -> str:
+def number_text(value: float, form: str) -> str:
+    """A number, a dash where there is none, `never` where it is infinite."""
     if math.isnan(value):
         return "–"
     return "never" if math.isinf(value) else form.format(value)

@@ -81,6 +81,8 @@ class EpisodeOptions:
     """Unit of the --organ and --tumour files."""
     frames: Frames = "none"
     """Pictures of the scene: each (one per action), last (the final one), none."""
+    report: bool = True
+    """Write report.html, a page that shows the run from its first action to its last."""
     out: Path | None = None
     """Folder to write to; renders/<scenario>-<planner>-<seed> by default."""
     overwrite: bool = False

@@ -36,6 +36,11 @@ WRITTEN = (
     "bases.csv",
     "arms.csv",
     "arms.md",
+    "poses.csv",
+    "poses.json",
+    "tumours.csv",
+    "false_findings.csv",
+    "report.html",
 )
 """Files of a run besides the manifest, figures and frames."""
 
@@ -105,6 +110,8 @@ class RunFolder(ClaimedFolder):
             *self.path.glob("*.png"),
             *frames.glob("*.png"),
             *(self.path / "motion").glob("*.npz"),
+            *(self.path / "maps").glob("*.npz"),
+            *(self.path / "surfaces").glob("mapped*"),
         ]
         for file in old:
             file.unlink(missing_ok=True)
@@ -166,3 +173,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"{type(value).__name__} has no JSON form")
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """The whole rows of a CSV file, none where it is missing; a last one that a kill cut short is left out."""
+    if not path.is_file():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if None not in row.values() and None not in row]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from .arms import arm_named
 from .claimed_folder import MANIFEST
 from .errors import UsageError
 from .motion import Motion
+from .recording import read_rows
 from .replay_options import ReplayOptions
 from .trajectories import read_anatomy, read_motions
 from .world.arm import ArmModel
@@ -74,7 +74,9 @@ def read_recording(folder: Path) -> Recording:
         raise UsageError(
             f"{folder}: its states do not fit the arm {options['arm']}, which has changed since."
         )
-    sensed_m = [[float(row[f"position_{axis}_m"]) for axis in "xyz"] for row in _rows(folder)]
+    sensed_m = [
+        [float(row[f"position_{axis}_m"]) for axis in "xyz"] for row in read_rows(folder / "steps.csv")
+    ]
     return Recording(
         folder=folder,
         scene=scene,
@@ -153,11 +155,3 @@ def _config(folder: Path) -> dict[str, Any]:
         return config
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{folder}: is not the folder of an episode with recorded motion.") from error
-
-
-def _rows(folder: Path) -> list[dict[str, str]]:
-    path = folder / "steps.csv"
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))

@@ -7,8 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from mapping import Prediction
+from planner import Workspace
+from planner.acquisition import expected_improvement
+
 from .episode import Episode, Step
+from .map_history import write_history
 from .options import EpisodeOptions
+from .poses import POSES_CSV, pose_row
 from .recording import RunFolder
 from .stage import Stage
 from .tally import SECONDS
@@ -31,14 +37,12 @@ def run_config(options: EpisodeOptions, stage: Stage, map_settings: Any) -> dict
 def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     """Append a step to the tables, write its motion and replace the map."""
     carrier, workspace = episode.stage.carrier, episode.stage.workspace
-    position_m, normal = workspace.positions_m[step.pose_index], workspace.normals[step.pose_index]
     folder.append_row(
         "steps.csv",
         {
             "step": step.step,
             "pose_index": step.pose_index,
-            **{f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")},
-            **{f"normal_{axis}": normal[i] for i, axis in enumerate("xyz")},
+            **_place_of(workspace, step.pose_index),
             **dict(zip(carrier.joint_names, step.ik.q, strict=True)),
             "position_error_m": step.ik.position_error_m,
             "angle_error_rad": step.ik.angle_error_rad,
@@ -46,6 +50,7 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
             "n_occupied": int(step.reading.is_occupied.sum()),
             "sensed_fraction": step.sensed_fraction,
             "auprc": step.auprc,
+            "expected_improvement": best_improvement(episode.prediction),
             "n_skipped": len(step.skipped),
             "motion_s": step.motion.motion_s,
             "procedure_s": step.procedure_s,
@@ -60,12 +65,33 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     )
     for skipped in step.skipped:
         row = {"step": step.step, "pose_index": skipped.pose_index, "reason": skipped.reason}
+        row |= _place_of(workspace, skipped.pose_index)
         folder.append_row("skipped.csv", row)
     for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
         row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
         folder.append_row("states.csv", row | dict(zip(carrier.joint_names, q, strict=True)))
     write_motion(folder, step.step, step.motion)
+    tip = step.reading.T_world_probe
+    folder.append_row(POSES_CSV, pose_row(step.step, step.pose_index, tip, episode.stage.T_world_organ))
+    if episode.prediction is not None:
+        write_history(folder, step.step, episode.prediction.score)
     write_map(folder, episode, is_final=False)
+
+
+def best_improvement(prediction: Prediction | None) -> float | None:
+    """The highest expected improvement of the latent that any search point still promises; None without a map."""
+    if prediction is None:
+        return None
+    mean, variance = prediction.latent_mean, prediction.latent_variance
+    return float(expected_improvement(mean, variance, incumbent=float(mean.max())).max())
+
+
+def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
+    """A pose's position and inward normal as columns."""
+    position_m, normal = workspace.positions_m[pose], workspace.normals[pose]
+    return {f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")} | {
+        f"normal_{axis}": normal[i] for i, axis in enumerate("xyz")
+    }
 
 
 def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:

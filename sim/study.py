@@ -18,7 +18,7 @@ from typing import Any, Literal
 from .errors import UsageError
 from .options import EpisodeOptions
 
-NOT_AXES = ("out", "overwrite", "frames")
+NOT_AXES = ("out", "overwrite", "frames", "report")
 """Options that say where and what an episode writes, which a campaign decides itself."""
 STAGE_OPTIONS = (
     "scenario",

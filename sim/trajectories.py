@@ -25,10 +25,14 @@ def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
 
 
 def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
-    """Write the surfaces of organ and tumours, world frame [m]."""
+    """Write the surfaces of organ and tumours and the points by which detection is measured, world frame [m]."""
     solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
     arrays = {f"{name}_vertices_m": solid.vertices_m for name, solid in solids.items()}
     arrays |= {f"{name}_faces": solid.faces.astype(np.int32) for name, solid in solids.items()}
+    arrays |= {
+        "detection_points_m": anatomy.detection_points_m,
+        "detection_tumours": anatomy.detection_tumours,
+    }
     folder.write_arrays(ANATOMY, compressed=True, **arrays)
 
 

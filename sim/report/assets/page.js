@@ -1,0 +1,117 @@
+"use strict";
+// Brings the slider, the curves, the frames and the view together.
+(async () => {
+  const began = performance.now();
+  const read = id => { const element = document.getElementById(id); return element ? JSON.parse(element.textContent) : null; };
+  const data = read("data"), readings = read("readings"), images = read("images");
+  const slider = document.getElementById("slider"), number = document.getElementById("number"), told = document.getElementById("told");
+  const play = document.getElementById("play"), picture = document.getElementById("frame"), last = Number(slider.max);
+
+  const charts = [...document.querySelectorAll("svg[data-follow]")].map(svg => {
+    const { points, texts } = JSON.parse(svg.dataset.follow);
+    const output = document.querySelector(`output[data-value="${svg.dataset.chart}"]`);
+    const goTo = event => {
+      const at = svg.createSVGPoint();
+      [at.x, at.y] = [event.clientX, event.clientY];
+      const x = at.matrixTransform(svg.getScreenCTM().inverse()).x;
+      let best = 0;
+      points.forEach((point, i) => { if (point && (!points[best] || Math.abs(point[0] - x) < Math.abs(points[best][0] - x))) best = i; });
+      setStep(best + 1);
+    };
+    svg.addEventListener("pointerdown", event => { svg.setPointerCapture(event.pointerId); goTo(event); });
+    svg.addEventListener("pointermove", event => { if (svg.hasPointerCapture(event.pointerId)) goTo(event); });
+    return { points, texts, output, cursor: svg.querySelector(".cursor"), now: svg.querySelector(".now") };
+  });
+
+  let view = null, step = last, timer = null;
+  const setStep = wanted => {
+    step = Math.min(Math.max(wanted, 0), last);
+    slider.value = step;
+    number.textContent = `${step} of ${last}`;
+    slider.setAttribute("aria-valuetext", step ? `after action ${step}` : "before the first action");
+    const row = readings[step] || {};
+    told.textContent = step === 0 ? "Before the first action" : Object.entries(row).filter(([name]) => name !== "Action").map(([name, value]) => `${name} ${value}`).join("  ·  ");
+    for (const { points, texts, output, cursor, now } of charts) {
+      const point = step ? points[step - 1] : null;
+      for (const mark of [cursor, now]) mark.style.visibility = point ? "visible" : "hidden";
+      if (point) {
+        cursor.setAttribute("x1", point[0]); cursor.setAttribute("x2", point[0]);
+        now.setAttribute("cx", point[0]); now.setAttribute("cy", point[1]);
+      }
+      if (output) output.textContent = step ? texts[step - 1] : "–";
+    }
+    if (images && picture) {
+      const kept = data.frames.filter(at => at <= step).pop() ?? data.frames[0];
+      if (picture.src !== images[kept]) picture.src = images[kept];
+    }
+    if (view) view.setStep(step);
+  };
+
+  const stop = () => { clearInterval(timer); timer = null; play.classList.remove("playing"); play.setAttribute("aria-label", "Play"); };
+  const toggle = () => {
+    if (timer) return stop();
+    if (step >= last) setStep(0);
+    play.classList.add("playing");
+    play.setAttribute("aria-label", "Pause");
+    timer = setInterval(() => { if (step >= last) stop(); else setStep(step + 1); }, Math.max(60, Math.min(420, 15000 / last)));
+  };
+  play.addEventListener("click", toggle);
+  slider.addEventListener("input", () => { stop(); setStep(Number(slider.value)); });
+  document.addEventListener("keydown", event => {
+    const target = event.target;
+    if (event.altKey || event.ctrlKey || event.metaKey || target.closest("summary, button, input:not(#slider)")) return;
+    const moves = { ArrowRight: step + 1, ArrowLeft: step - 1, Home: 0, End: last, PageUp: step + 10, PageDown: step - 10 };
+    if (target === slider && event.key !== " ") return; // it moves by itself
+    if (event.key in moves && (event.key.startsWith("Arrow") || target === document.getElementById("canvas"))) { event.preventDefault(); stop(); setStep(moves[event.key]); }
+    else if (event.key === " ") { event.preventDefault(); toggle(); }
+  });
+
+  const unpack = async () => {
+    const text = document.getElementById("packed").textContent;
+    const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const buffer = await new Response(stream).arrayBuffer();
+    const kinds = { uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
+    return place => new kinds[place.kind](buffer, place.at, place.n);
+  };
+
+  const addLegend = () => {
+    const legend = document.getElementById("legend");
+    for (const [name, text, group, colour] of view.layers) {
+      const label = document.createElement("label"), box = document.createElement("input"), swatch = document.createElement("i");
+      box.type = "checkbox"; box.checked = group.visible; box.name = name;
+      box.addEventListener("change", () => { group.visible = box.checked; view.request(); });
+      label.append(box);
+      if (colour) { swatch.style.background = colour === "organ" ? "#a58a83" : `var(--${colour})`; label.append(swatch); }
+      label.append(text);
+      legend.append(label);
+    }
+    if (!data.view.map) return;
+    const label = document.createElement("label"), range = document.createElement("input"), output = document.createElement("output");
+    label.className = "level";
+    Object.assign(range, { type: "range", min: 0.05, max: 0.95, step: 0.05, value: data.view.map.called_from, name: "level" });
+    const tell = () => { output.textContent = Number(range.value).toFixed(2); };
+    range.addEventListener("input", () => { tell(); view.setLevel(Number(range.value)); });
+    tell();
+    label.append("Map from probability", range, output);
+    legend.append(label);
+  };
+
+  let error = null;
+  setStep(last);
+  try {
+    view = makeView(data.view, await unpack(), setStep);
+    addLegend();
+    for (const button of document.querySelectorAll("[data-preset]")) button.addEventListener("click", () => view.presets[button.dataset.preset]());
+    setStep(last);
+    view.renderNow();
+  } catch (problem) {
+    error = String(problem);
+    document.getElementById("presets").hidden = true;
+    const note = document.createElement("p");
+    note.className = "without";
+    note.textContent = `The three-dimensional view could not be drawn (${problem.message || problem}). It needs WebGL; all else on this page does not.`;
+    document.getElementById("view").append(note);
+  }
+  window.soundingReport = { setStep, error, drawnMs: performance.now() - began, sinceLoadMs: performance.now(), get state() { return view && view.state; } };
+})();

@@ -1,0 +1,349 @@
+"use strict";
+// The three-dimensional view. World frame, metres, z up. It draws when something changed, never by itself.
+const PAST_STEM_M = 0.014, AXIS_M = 0.06;
+
+const makeView = (data, array, onPick) => {
+  const canvas = document.getElementById("canvas"), holder = document.getElementById("view");
+  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+  renderer.debug.checkShaderErrors = false; // asking for errors waits for the compiler
+  const scene = new THREE.Scene(), camera = new THREE.PerspectiveCamera(32, 1, 0.02, 12);
+  camera.up.set(0, 0, 1);
+  const controls = new THREE.OrbitControls(camera, canvas);
+  controls.enableDamping = false;
+  controls.zoomToCursor = true;
+  controls.minDistance = 0.05;
+  controls.maxDistance = 6;
+  scene.add(camera);
+
+  // Three small shaders draw everything: they compile at once, also where no graphics card does it.
+  const tinted = []; // [material, name of the colour's variable], so that the theme can change
+  const coloured = (material, name) => (tinted.push([material, name]), material);
+  const surfaceVertex = "varying vec3 n; varying vec3 e; void main() { vec4 p = modelViewMatrix * vec4(position, 1.0); n = normalMatrix * normal; e = -p.xyz; gl_Position = projectionMatrix * p; }";
+  const shader = (uniforms, vertexShader, fragmentShader, settings) => new THREE.ShaderMaterial({
+    uniforms: { colour: { value: new THREE.Color() }, ...uniforms }, vertexShader, fragmentShader, ...settings,
+  });
+  const veil = (name, base, rim, side) => coloured(shader(
+    { base: { value: base }, rim: { value: rim } }, surfaceVertex,
+    "uniform vec3 colour; uniform float base; uniform float rim; varying vec3 n; varying vec3 e; void main() { float facing = abs(dot(normalize(n), normalize(e))); gl_FragColor = vec4(colour, base + rim * pow(1.0 - facing, 2.2)); }",
+    { transparent: true, depthWrite: false, side: side ?? THREE.FrontSide },
+  ), name);
+  const lit = colour => {
+    const material = shader({}, surfaceVertex,
+      "uniform vec3 colour; varying vec3 n; varying vec3 e; void main() { vec3 m = normalize(n); float key = max(dot(m, normalize(vec3(-0.35, 0.75, 0.6))), 0.0); float fill = 0.5 + 0.5 * m.y; float glint = pow(max(dot(m, normalize(normalize(e) + vec3(-0.2, 0.6, 0.4))), 0.0), 40.0); gl_FragColor = vec4(colour * (0.46 + 0.2 * fill + 0.46 * key) + 0.10 * glint, 1.0); }", {});
+    if (typeof colour === "string") coloured(material, colour); else material.uniforms.colour.value.setRGB(...colour);
+    return material;
+  };
+  const stroke = (name, opacity) => coloured(shader(
+    { opacity: { value: opacity } }, "void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
+    "uniform vec3 colour; uniform float opacity; void main() { gl_FragColor = vec4(colour, opacity); }",
+    { transparent: opacity < 1 },
+  ), name);
+
+  const geometryOf = mesh => {
+    const fine = array(mesh.vertices), vertices = new Float32Array(fine.length);
+    for (let i = 0; i < fine.length; i++) vertices[i] = mesh.low[i % 3] + fine[i] * mesh.scale[i % 3];
+    return surfaceGeometry(vertices, array(mesh.faces));
+  };
+  const surfaceGeometry = (vertices, faces) => {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(vertices, 3));
+    geometry.setIndex(new THREE.BufferAttribute(faces, 1));
+    geometry.computeVertexNormals();
+    return geometry;
+  };
+  // The same surface with its edges kept sharp: a corner takes its face's normal where the smooth one is far from it.
+  const creased = smooth => {
+    const geometry = smooth.toNonIndexed(), at = geometry.attributes.position.array, normals = geometry.attributes.normal.array;
+    const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3(), n = new THREE.Vector3();
+    for (let i = 0; i < at.length; i += 9) {
+      a.fromArray(at, i); b.fromArray(at, i + 3); c.fromArray(at, i + 6);
+      const face = b.sub(a).cross(c.sub(a)).normalize();
+      for (let k = i; k < i + 9; k += 3) if (n.fromArray(normals, k).dot(face) < 0.8) face.toArray(normals, k);
+    }
+    return geometry;
+  };
+  const layer = () => { const group = new THREE.Group(); scene.add(group); return group; };
+  const lines = (points, name, opacity) => {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(Float32Array.from(points), 3));
+    return new THREE.LineSegments(geometry, stroke(name, opacity));
+  };
+
+  // Organ and true tumours.
+  const organ = layer(), truth = layer();
+  const organBack = new THREE.Mesh(creased(geometryOf(data.organ)), veil("organ", 0.05, 0.16, THREE.BackSide));
+  const organFront = new THREE.Mesh(organBack.geometry, veil("organ", 0.07, 0.42));
+  organBack.renderOrder = 1;
+  organFront.renderOrder = 4;
+  organ.add(organBack, organFront);
+  const tumourMaterial = veil("truth", 0.16, 0.9);
+  for (const mesh of data.tumours) truth.add(new THREE.Mesh(geometryOf(mesh), tumourMaterial));
+  for (const mesh of truth.children) mesh.renderOrder = 3;
+
+  // The map's surface after an action.
+  const mapped = layer();
+  const cut = data.map && mapHistory(data.map, array);
+  const mapMesh = new THREE.Mesh(new THREE.BufferGeometry(), lit("map"));
+  mapped.add(mapMesh);
+  const surfaces = new Map();
+  let level = data.map ? Math.log(data.map.called_from / (1 - data.map.called_from)) : 0;
+  const surfaceAt = step => {
+    let index = data.map.steps.findLastIndex(kept => kept <= step);
+    if (index < 0) return null;
+    const key = `${index}/${level}`;
+    if (!surfaces.has(key)) {
+      const surface = cut(index, level);
+      if (surfaces.size > 400) surfaces.clear();
+      surfaces.set(key, { triangles: surface.triangles.length / 3, geometry: surfaceGeometry(surface.positions, surface.triangles) });
+    }
+    return surfaces.get(key);
+  };
+
+  // Sensing poses: a dot and a stem against the beam; the present one with its cone.
+  const probe = array(data.probe), nSteps = probe.length / 16;
+  const poseAt = k => new THREE.Matrix4().fromArray(probe, 16 * k).transpose();
+  const placeAt = k => new THREE.Vector3(probe[16 * k + 3], probe[16 * k + 7], probe[16 * k + 11]);
+  const beamAt = k => new THREE.Vector3(probe[16 * k + 2], probe[16 * k + 6], probe[16 * k + 10]);
+  const past = layer();
+  const ball = new THREE.SphereGeometry(0.0026, 12, 8), ballPoints = ball.attributes.position.array, ballFaces = ball.index.array;
+  const dotPoints = new Float32Array(nSteps * ballPoints.length), dotFaces = new Uint32Array(nSteps * ballFaces.length);
+  const stems = [];
+  for (let k = 0; k < nSteps; k++) {
+    const at = placeAt(k), end = at.clone().addScaledVector(beamAt(k), -PAST_STEM_M);
+    const xyz = at.toArray();
+    for (let i = 0; i < ballPoints.length; i++) dotPoints[k * ballPoints.length + i] = ballPoints[i] + xyz[i % 3];
+    for (let i = 0; i < ballFaces.length; i++) dotFaces[k * ballFaces.length + i] = ballFaces[i] + k * ballPoints.length / 3;
+    stems.push(...at, ...end);
+  }
+  const dots = new THREE.Mesh(surfaceGeometry(dotPoints, dotFaces), lit("probe"));
+  dots.frustumCulled = false;
+  const stemLines = lines(stems, "probe", 0.8);
+  stemLines.frustumCulled = false;
+  past.add(dots, stemLines);
+  const sweep = layer(), cone = new THREE.Group(), { depth_m: depth, half_angle_rad: half } = data.cone;
+  const radius = depth * Math.tan(half), coneGeometry = new THREE.ConeGeometry(radius, depth, 48, 1, true);
+  coneGeometry.rotateX(-Math.PI / 2).translate(0, 0, depth / 2);
+  const coneMesh = new THREE.Mesh(coneGeometry, veil("probe", 0.13, 0.22, THREE.DoubleSide));
+  coneMesh.renderOrder = 5;
+  const rim = [];
+  for (let i = 0; i < 48; i++) for (const turn of [i, i + 1]) rim.push(radius * Math.cos(turn * Math.PI / 24), radius * Math.sin(turn * Math.PI / 24), depth);
+  cone.add(coneMesh, lines(rim, "probe", 0.9), lines([0, 0, 0, 0, 0, depth], "probe", 0.9));
+  cone.matrixAutoUpdate = false;
+  sweep.add(cone);
+
+  // The arm, and the way of its tip.
+  const arm = layer(), bodies = [];
+  if (data.arm) {
+    for (let b = 0; b < data.arm.n_bodies; b++) { const body = new THREE.Group(); bodies.push(body); arm.add(body); }
+    for (const part of data.arm.parts) {
+      bodies[part.body].add(new THREE.Mesh(creased(geometryOf(part)), lit(part.colour.map(part => part ** 0.7))));
+    }
+  }
+  const armPoses = data.arm && array(data.arm.poses);
+  const way = layer();
+  let wayLine = null;
+  if (data.paths && data.paths.ends.length) {
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(array(data.paths.points), 3));
+    wayLine = new THREE.Line(geometry, stroke("ink", 0.4));
+    wayLine.frustumCulled = false;
+    way.add(wayLine);
+  }
+
+  // Poses that could not be taken: crosses.
+  const refused = layer(), crosses = [];
+  for (const [, x, y, z] of data.skipped) {
+    for (const [a, b, c] of [[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]]) {
+      const r = 0.0032; crosses.push(x + a * r, y + b * r, z + c * r, x - a * r, y - b * r, z - c * r);
+    }
+  }
+  const crossLines = lines(crosses, "ink", 1);
+  crossLines.frustumCulled = false;
+  refused.add(crossLines);
+
+  // Frames and the table.
+  const frames = layer(), table = layer(), labels = [];
+  const holderOfLabels = document.getElementById("labels");
+  const label = (text, at, group, soft, of, end) => {
+    const element = document.createElement("span");
+    element.textContent = text;
+    if (soft) element.className = "soft";
+    holderOfLabels.append(element);
+    labels.push({ element, at, group, of: of ?? at, end });
+    return labels[labels.length - 1];
+  };
+  const low = new THREE.Vector3(...data.bounds[0]), high = new THREE.Vector3(...data.bounds[1]);
+  const middle = low.clone().add(high).multiplyScalar(0.5), size = high.clone().sub(low);
+  const unit = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
+  const triad = (at, axes, names, title, length) => {
+    const points = [];
+    axes.forEach((axis, i) => {
+      const end = at.clone().addScaledVector(axis, length);
+      const side = new THREE.Vector3().crossVectors(axis, axes[(i + 1) % 3]).normalize().multiplyScalar(length * 0.045);
+      const neck = at.clone().addScaledVector(axis, length * 0.86);
+      points.push(...at, ...end, ...end, ...neck.clone().add(side), ...end, ...neck.clone().sub(side));
+      label(names[i], at.clone().addScaledVector(axis, length * 1.14), frames, false, at, at.clone().addScaledVector(axes[2], length));
+    });
+    frames.add(lines(points, "ink", 0.85));
+    if (title) label(title, at.clone().addScaledVector(unit[2], -length * 0.2), frames, true, at, at.clone().addScaledVector(axes[2], length));
+  };
+  const T = data.T_world_organ, organAxes = [0, 1, 2].map(i => new THREE.Vector3(T[0][i], T[1][i], T[2][i]));
+  const beside = new THREE.Vector3(low.x - 0.16 * size.x, low.y - 0.16 * size.y, Math.max(low.z, 0) + 0.001);
+  triad(beside, unit, ["x", "y", "z"], "world axes", AXIS_M);
+  if (data.base) {
+    const B = data.base;
+    triad(new THREE.Vector3(B[0][3], B[1][3], B[2][3] + 0.002), [0, 1, 2].map(i => new THREE.Vector3(B[0][i], B[1][i], B[2][i])), ["x", "y", ""], "arm base", 0.16);
+  }
+  const isTurned = organAxes.some((axis, i) => axis.distanceTo(unit[i]) > 1e-6);
+  if (isTurned || data.is_patient) {
+    const names = data.is_patient ? ["x left", "y back", "z head"] : ["x", "y", "z"];
+    triad(new THREE.Vector3(high.x + 0.02 * size.x, middle.y - 0.12 * size.y, Math.max(low.z, 0) + 1.25 * AXIS_M), organAxes, names, "organ axes", AXIS_M);
+  }
+  const tipFrame = new THREE.Group();
+  tipFrame.matrixAutoUpdate = false;
+  tipFrame.add(lines([0, 0, 0, 0.022, 0, 0, 0, 0, 0, 0, 0.022, 0], "ink", 0.9));
+  frames.add(tipFrame);
+  const beamLabel = label("z beam", new THREE.Vector3(), sweep, false);
+  const gridPoints = [], nLines = 16, pitch = 0.05;
+  const [gx, gy] = [middle.x, middle.y].map(at => Math.round(at / pitch) * pitch);
+  for (let i = -nLines; i <= nLines; i++) {
+    const a = i * pitch, r = nLines * pitch;
+    gridPoints.push(gx + a, gy - r, -5e-4, gx + a, gy + r, -5e-4, gx - r, gy + a, -5e-4, gx + r, gy + a, -5e-4);
+  }
+  const grid = lines(gridPoints, "ink", 0.1);
+  grid.material.depthWrite = false;
+  table.add(grid);
+  document.getElementById("scale").textContent = "Grid on the table: 50 mm";
+
+  // Camera.
+  const look = (target, direction, distance) => {
+    controls.target.copy(target);
+    camera.position.copy(target).addScaledVector(direction.normalize(), distance);
+    controls.update();
+    request();
+  };
+  // From a direction, as near as all of some points can be seen.
+  const show = (points, direction, share) => {
+    const target = points.reduce((sum, point) => sum.add(point), new THREE.Vector3()).divideScalar(points.length);
+    const back = direction.normalize(), right = new THREE.Vector3().crossVectors(camera.up, back).normalize();
+    const up = new THREE.Vector3().crossVectors(back, right), tangent = Math.tan(camera.fov * Math.PI / 360) * share;
+    const distances = points.map(point => {
+      const from = point.clone().sub(target);
+      return from.dot(back) + Math.max(Math.abs(from.dot(right)) / (tangent * camera.aspect), Math.abs(from.dot(up)) / tangent);
+    });
+    look(target, back, Math.max(...distances));
+  };
+  const corners = [];
+  for (const x of [low.x, high.x]) for (const y of [low.y, high.y]) for (const z of [low.z, high.z]) corners.push(new THREE.Vector3(x, y, z));
+  const within = corners.map(corner => corner.clone().lerp(middle, 0.06)), head = new THREE.Vector3(middle.x, middle.y, high.z + 0.05);
+  const foot = data.base ? [0, 1].map(i => new THREE.Vector3(data.base[0][3], data.base[1][3], 0.85 * i)) : corners.map(corner => corner.clone().lerp(middle, -0.8));
+  const presets = {
+    organ: () => show([...within, head, head, beside], new THREE.Vector3(0.62, -1, 0.62), 0.93),
+    arm: () => show([...corners, ...foot, ...foot], new THREE.Vector3(0.5, -1, 0.42), 0.9),
+    top: () => show(corners, new THREE.Vector3(0, -0.0015, 1), 0.85),
+    side: () => show([...corners, head], new THREE.Vector3(0, -1, 0), 0.85),
+  };
+
+  let wanted = false;
+  const request = () => { if (!wanted) { wanted = true; requestAnimationFrame(draw); } };
+  const resize = () => {
+    const { clientWidth: width, clientHeight: height } = holder;
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    request();
+  };
+  const draw = () => {
+    wanted = false;
+    renderer.render(scene, camera);
+    const { clientWidth: width, clientHeight: height } = holder, spot = new THREE.Vector3();
+    const isInView = at => { spot.copy(at).project(camera); return spot.z < 1 && Math.abs(spot.x) < 0.98 && Math.abs(spot.y) < 0.98; };
+    const isLong = (from, to) => { // a triad seen from far away would be covered by its labels
+      const a = from.clone().project(camera), b = to.clone().project(camera);
+      return Math.hypot((a.x - b.x) * width, (a.y - b.y) * height) / 2 > 44;
+    };
+    for (const { element, at, group, of, end } of labels) {
+      const isShown = group.visible && element.textContent && isInView(of) && (!end || isLong(of, end)) && isInView(at);
+      element.style.display = isShown ? "" : "none";
+      if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
+    }
+  };
+  controls.addEventListener("change", request);
+  new ResizeObserver(resize).observe(holder);
+
+  const applyTheme = () => {
+    const style = getComputedStyle(document.documentElement), isDark = matchMedia("(prefers-color-scheme: dark)").matches;
+    const named = name => name === "organ" ? (isDark ? "#b9a9a4" : "#8d6f68") : style.getPropertyValue(`--${name}`).trim();
+    for (const [material, name] of tinted) { // the shaders write what the screen shows
+      material.uniforms.colour.value.setStyle(named(name), THREE.LinearSRGBColorSpace);
+    }
+    request();
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
+
+  const state = { step: 0, mapTriangles: 0, tip: null };
+  const setStep = step => {
+    state.step = step;
+    dots.geometry.setDrawRange(0, step * ballFaces.length);
+    stemLines.geometry.setDrawRange(0, 2 * step);
+    crossLines.geometry.setDrawRange(0, 8 * data.skipped.filter(([at]) => at <= Math.max(step, 1)).length * (step > 0));
+    cone.visible = tipFrame.visible = step > 0;
+    beamLabel.group = step > 0 ? sweep : { visible: false };
+    if (step > 0) {
+      cone.matrix.copy(poseAt(step - 1));
+      tipFrame.matrix.copy(cone.matrix);
+      beamLabel.at.copy(placeAt(step - 1)).addScaledVector(beamAt(step - 1), depth * 1.06);
+      state.tip = placeAt(step - 1).toArray();
+    } else state.tip = null;
+    if (wayLine) wayLine.geometry.setDrawRange(0, step > 0 ? data.paths.ends[Math.min(step, data.paths.ends.length) - 1] : 0);
+    if (armPoses) {
+      const row = Math.min(step, armPoses.length / 7 / bodies.length - 1);
+      bodies.forEach((body, b) => {
+        const at = 7 * (row * bodies.length + b);
+        body.position.set(armPoses[at], armPoses[at + 1], armPoses[at + 2]);
+        body.quaternion.set(armPoses[at + 4], armPoses[at + 5], armPoses[at + 6], armPoses[at + 3]);
+      });
+    }
+    drawMap();
+    request();
+  };
+  const drawMap = () => {
+    const surface = data.map && surfaceAt(state.step);
+    mapMesh.visible = Boolean(surface);
+    state.mapTriangles = surface ? surface.triangles : 0;
+    if (surface) mapMesh.geometry = surface.geometry;
+    request();
+  };
+
+  // A click on a dot goes to its action.
+  let pressed = null;
+  canvas.addEventListener("pointerdown", event => { pressed = [event.clientX, event.clientY]; });
+  canvas.addEventListener("pointerup", event => {
+    if (!pressed || Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) > 4) return;
+    const box = canvas.getBoundingClientRect(), spot = new THREE.Vector3();
+    let best = null, least = 12;
+    for (let k = 0; k < nSteps; k++) {
+      spot.copy(placeAt(k)).project(camera);
+      const away = Math.hypot((spot.x + 1) / 2 * box.width - event.clientX + box.left, (1 - spot.y) / 2 * box.height - event.clientY + box.top);
+      if (away < least) [best, least] = [k + 1, away];
+    }
+    if (best !== null) onPick(best);
+  });
+
+  applyTheme();
+  resize();
+  presets.organ();
+  const layers = [
+    ["organ", "Organ", organ, "organ"], ["truth", "True tumours", truth, "truth"], ["map", "Map", mapped, "map"],
+    ["poses", "Sensing poses", past, "probe"], ["cone", "Cone", sweep, "probe"], ["arm", data.base ? "Arm" : "Probe", arm, null],
+    ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
+    ["frames", "Axes", frames, null], ["table", "Table", table, null],
+  ].filter(([name]) => !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
+    && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length));
+  way.visible = false;
+  return {
+    setStep, presets, layers, request, state, renderNow: draw,
+    setLevel: probability => { level = Math.log(probability / (1 - probability)); drawMap(); },
+  };
+};

@@ -1,0 +1,239 @@
+"""The chapters of a run's page: its figures, charts and tables, from the record."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections import Counter
+from typing import Any
+
+import numpy as np
+from scipy.special import expit
+
+from mapping import average_precision, precision_recall_curve
+
+from ..findings import Findings
+from ..run_record import RunRecord
+from .charts import curve_chart, progress_chart, reliability, reliability_chart
+from .finding_rows import finding_rows
+
+SENSED_TARGET = 0.95
+STATUS = {
+    "finished": "",
+    "interrupted": "This run was interrupted: the report shows what was done until then.",
+    "stopped": "The arm stopped for safety: the report shows what was done until then.",
+    "unfinished": "This run is unfinished, or its process was killed: the report shows what was done until then.",
+}
+
+
+def chapters(record: RunRecord, findings: Findings) -> dict[str, Any]:
+    """What the template of a run's page shows, as plain values and SVG text."""
+    return {
+        "title": title(record),
+        "lede": _lede(record),
+        "status": STATUS.get(str(record.manifest.get("status")), ""),
+        "figures": _key_figures(record, findings),
+        "progress": _progress(record),
+        "readings": _readings(record),
+        "quality": _quality(record),
+        "findings": finding_rows(findings),
+        "arm": _arm(record),
+        "skipped": _skipped(record),
+        "space": _space(record),
+        "settings": _settings(record),
+        "command": shlex.join(["sounding", *map(str, record.manifest.get("command", []))]),
+    }
+
+
+def title(record: RunRecord) -> str:
+    """Scenario and planner."""
+    return f"{record.scenario['name']}, {record.options['planner']}"
+
+
+def _lede(record: RunRecord) -> str:
+    n, arm = record.n_steps, record.options["arm"]
+    carrier = "a free-flying probe" if arm == "none" else f"the {arm} arm"
+    day = str(record.manifest.get("started", ""))[:10]
+    actions = "sensing action" if n == 1 else "sensing actions"
+    commit = str(record.manifest.get("commit") or "")[:8]
+    version = f"Sounding {record.manifest.get('sounding', '')}{f' ({commit})' if commit else ''}"
+    return f"{n} {actions} with {carrier}, seed {record.options['seed']}. {version}, {day}."
+
+
+def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]:
+    """Names and values of what one wants to know first."""
+    sensed, auprc = record.numbers("sensed_fraction"), record.numbers("auprc")
+    reached = np.flatnonzero(sensed >= SENSED_TARGET)
+    figures = []
+    if record.field is not None and findings.tumours:
+        figures.append(("tumours found", f"{findings.n_found} of {len(findings.tumours)}"))
+        figures.append(("false findings", str(len(findings.false))))
+    figures.append(("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan)))
+    figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
+    if record.field is not None:
+        figures.append(("AUPRC of the map", _number(auprc[-1] if len(auprc) else math.nan, 3)))
+    duration_s = float(np.nansum(record.numbers("procedure_s")))
+    figures.append(("modelled procedure", f"{int(duration_s // 60)} min {duration_s % 60:.0f} s"))
+    if record.options["arm"] != "none":
+        figures.append(("poses not reachable", str(len(record.skipped))))
+    return figures
+
+
+def _progress(record: RunRecord) -> list[dict[str, str]]:
+    """The curves that follow the slider."""
+    charts = [
+        ("sensed", "Tumour sensed", "share of the tumours’ volume that lay in some cone",
+         progress_chart("sensed", record.numbers("sensed_fraction"), colour="truth", y_top=1.0, is_percent=True,
+                        target=SENSED_TARGET, label="Share of the tumours sensed over the sensing actions")),
+        ("auprc", "AUPRC of the map", "area under the precision-recall curve",
+         progress_chart("auprc", record.numbers("auprc"), colour="map", y_top=1.0, digits=3,
+                        label="AUPRC of the map over the sensing actions")),
+        ("improvement", "Expected improvement", "the highest that any point still promises, in the latent’s unit",
+         progress_chart("improvement", record.numbers("expected_improvement"), colour="probe",
+                        label="Highest expected improvement after each sensing action")),
+    ]  # fmt: skip
+    return [{"name": n, "title": t, "note": note, "svg": svg} for n, t, note, svg in charts if svg]
+
+
+def _readings(record: RunRecord) -> list[dict[str, str]]:
+    """What is told of each action beside the slider, the first for before any."""
+    told: list[dict[str, str]] = [{}]
+    for row in record.steps:
+        told.append(
+            {
+                "Pose": row["pose_index"],
+                "Points read": f"{row['n_points']}, {row['n_occupied']} of them tumour",
+            }
+        )
+    return told
+
+
+def _quality(record: RunRecord) -> dict[str, Any] | None:
+    """Precision-recall and reliability of the last map; None without a map or without tumours."""
+    field = record.field
+    if field is None or not field.is_tumour[field.is_inside].any():
+        return None
+    score, truth = field.log_odds[field.is_inside], field.is_tumour[field.is_inside]
+    curve = precision_recall_curve(score, truth)
+    prevalence = float(truth.mean())
+    predicted, observed, counts = reliability(expit(score), truth)
+    return {
+        "auprc": f"{average_precision(score, truth):.3f}",
+        "precision_recall": curve_chart(
+            curve.recall,
+            curve.precision,
+            colour="map",
+            label="Precision against recall of the last map",
+            level=prevalence,
+            level_text=f"uninformed map: {prevalence:.2g}",
+        ),
+        "reliability": reliability_chart(
+            predicted, observed, counts, label="Observed share of tumour against predicted probability"
+        ),
+        "bins": [
+            (f"{p:.2f}", f"{o:.2f}", f"{int(n):,}")
+            for p, o, n in zip(predicted, observed, counts, strict=True)
+        ],
+        "rows": _quality_rows(record),
+    }
+
+
+def _quality_rows(record: RunRecord) -> list[tuple[str, str]]:
+    names = (
+        ("Points scored, inside the organ", "n_points", "{:,}"),
+        ("of them tumour", "n_occupied", "{:,}"),
+        ("Dice at probability 0.5", "dice", "{:.3f}"),
+        ("Brier score", "brier_score", "{:.4f}"),
+        ("Log loss", "log_loss", "{:.4f}"),
+        ("Calibration error", "expected_calibration_error", "{:.4f}"),
+    )
+    return [(label, form.format(record.summary[key])) for label, key, form in names
+            if record.summary.get(key) is not None]  # fmt: skip
+
+
+def _arm(record: RunRecord) -> dict[str, Any] | None:
+    """Errors of the arm at the sensing poses; None for a free-flying probe."""
+    if record.options["arm"] == "none" or not record.steps:
+        return None
+    series = [
+        ("Position error [mm]", record.numbers("position_error_m") * 1e3, "position"),
+        ("Angle error [°]", np.rad2deg(record.numbers("angle_error_rad")), "angle"),
+        ("Tracking error [mm]", record.numbers("tracking_error_m") * 1e3, "tracking"),
+        ("Contact force [N]", record.numbers("contact_force_n"), "force"),
+        ("Motion to the pose [s]", record.numbers("motion_s"), "motion"),
+    ]
+    kept = [each for each in series if np.isfinite(each[1]).any()]
+    return {
+        "rows": [(t, _brief(np.nanmedian(v)), _brief(np.nanmax(v))) for t, v, _ in kept],
+        "charts": [
+            {"name": name, "title": t,
+             "svg": progress_chart(name, values, colour="ink", label=t, digits=4, has_dots=True)}
+            for t, values, name in kept
+        ],
+    }  # fmt: skip
+
+
+def _skipped(record: RunRecord) -> dict[str, Any]:
+    """Poses that could not be taken: how many for each reason, and all of them."""
+    reasons = Counter(_kind_of(row["reason"]) for row in record.skipped)
+    return {
+        "reasons": reasons.most_common(),
+        "rows": [(row["step"], row["pose_index"], row["reason"]) for row in record.skipped],
+    }
+
+
+def _kind_of(reason: str) -> str:
+    """The first sentence of a reason."""
+    return reason.split(". ")[0].split("; ")[0].strip().rstrip(".")
+
+
+def _space(record: RunRecord) -> dict[str, Any]:
+    """Where things are relative to each other, in millimetres."""
+    low_m, high_m = record.anatomy.organ.bounds_m
+    T = record.T_world_organ
+    axes = {0: "x", 1: "y", 2: "z"}
+    is_turned = not np.allclose(T[:3, :3], np.eye(3))
+    base_mm = record.options.get("base_mm", [0, 0, 0])
+    return {
+        "extent": " × ".join(f"{v:.0f}" for v in (high_m - low_m) * 1e3),
+        "centre": ", ".join(f"{v:.0f}" for v in (low_m + high_m) / 2 * 1e3),
+        "base": None if record.options["arm"] == "none" else ", ".join(f"{v:.0f}" for v in base_mm),
+        "origin": ", ".join(f"{v:.1f}" for v in T[:3, 3] * 1e3),
+        "matrix": [[f"{value:.4f}" for value in row] for row in T],
+        "axes": [
+            (f"+{axes[i]}", ", ".join(f"{v:+.2f}" for v in T[:3, i])) for i in range(3)
+        ],
+        "is_turned": is_turned,
+        "cone": f"{np.rad2deg(record.cone.half_angle_rad):.1f}° × {record.cone.depth_m * 1e3:.0f} mm",
+    }  # fmt: skip
+
+
+def _settings(record: RunRecord) -> list[dict[str, Any]]:
+    """Everything needed to repeat the run."""
+    machine = {k: v for k, v in record.manifest.items() if k not in ("packages", "command")}
+    packages = record.manifest.get("packages", {})
+    groups = [("Options", record.options), ("Scenario", record.scenario), ("Map", record.config.get("map", {})),
+              ("Machine", machine), ("Packages", packages)]  # fmt: skip
+    return [{"title": t, "rows": [(k, _plain(v)) for k, v in values.items()]} for t, values in groups]
+
+
+def _plain(value: Any) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_plain, value)) or "–"
+    return str(value)
+
+
+def _share(value: float) -> str:
+    return f"{value:.1%}" if math.isfinite(value) else "–"
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def _brief(value: float) -> str:
+    return f"{value:.3g}"

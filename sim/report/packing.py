@@ -1,0 +1,61 @@
+"""Packing: arrays as one compressed text that a page can hold, and a table of where each of them begins."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+ALIGNMENT = 8
+"""Arrays begin at multiples of this many bytes, as JavaScript's typed arrays have to."""
+LEVEL = 6
+
+
+class Pack:
+    """Collects arrays; each is known by what `add` returns."""
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self._chunks: list[bytes] = []
+        self._size = 0
+
+    def add(self, array: NDArray[Any]) -> dict[str, Any]:
+        """Take an array in; returns where it lies: kind, offset in bytes and length in numbers."""
+        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        content = little.tobytes()
+        place = {"kind": array.dtype.name, "at": self._size, "n": int(array.size)}
+        padding = -len(content) % ALIGNMENT
+        self._chunks += [content, bytes(padding)]
+        self._size += len(content) + padding
+        return place
+
+    def text(self) -> str:
+        """All arrays, compressed, as base64."""
+        return base64.b64encode(zlib.compress(b"".join(self._chunks), LEVEL)).decode("ascii")
+
+
+def add_mesh(pack: Pack, vertices_m: ArrayLike, faces: ArrayLike) -> dict[str, Any]:
+    """Take a triangle mesh in, its vertices in 1/65535 of its box.
+
+    Args:
+        pack: Where to.
+        vertices_m: Shape (V, 3) [m].
+        faces: Shape (F, 3).
+
+    Returns:
+        Its box and where its arrays lie.
+    """
+    vertices, triangles = np.asarray(vertices_m, dtype=np.float64), np.asarray(faces)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    scale = np.where(high > low, high - low, 1.0)
+    fine = np.rint((vertices - low) / scale * 65535).astype(np.uint16)
+    kind = np.uint16 if len(vertices) <= 65535 else np.uint32
+    return {
+        "low": low.tolist(),
+        "scale": (scale / 65535).tolist(),
+        "vertices": pack.add(fine.ravel()),
+        "faces": pack.add(triangles.astype(kind).ravel()),
+    }

@@ -1,0 +1,84 @@
+"""The page of a run: `report.html`, one file that needs nothing else."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from mapping.storage import replacing
+
+from ..findings import Findings
+from ..run_record import RunRecord, read_run
+from ..run_results import write_results
+from .chapters import chapters
+from .frames import frame_images
+from .packing import Pack
+from .view_data import view_data
+
+REPORT = "report.html"
+ASSETS = Path(__file__).resolve().parent / "assets"
+SCRIPTS = ("three.min.js", "surface_nets.js", "view.js", "page.js")
+MOST_BYTES = 15_000_000
+"""A report is no larger; pictures are made smaller until it fits."""
+
+
+def write_report(folder: Path, findings: Findings | None = None) -> Path:
+    """Write the report of a run, finished or not, from its folder alone; returns the file.
+
+    Args:
+        folder: Of the run.
+        findings: What its last map found, where that is known; it is found out, and its files are written, else.
+
+    Raises:
+        UsageError: It is not the folder of an episode, or one of its files is broken.
+    """
+    record = read_run(folder)
+    text = page(record, findings or write_results(record))
+    path = folder / REPORT
+    with replacing(path) as file:
+        file.write(text.encode())
+    return path
+
+
+def page(record: RunRecord, findings: Findings) -> str:
+    """The page's text."""
+    pack = Pack()
+    view = view_data(record, pack)
+    packed = pack.text()
+    frames = frame_images(
+        record.folder / "frames", most_bytes=MOST_BYTES - _script_bytes() - len(packed) - 500_000
+    )
+    data = {"view": view, "n_steps": record.n_steps, "frames": sorted(frames)}
+    shown = chapters(record, findings)
+    return environment().get_template("run.html.j2").render(
+        **shown, data=_json(data), readings_json=_json(shown["readings"]), packed=packed, frames=frames,
+        scripts=scripts(),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def environment() -> jinja2.Environment:
+    """The templates; what they are given is escaped."""
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def scripts() -> tuple[str, ...]:
+    """The scripts of a run's page."""
+    return tuple((ASSETS / name).read_text(encoding="utf-8") for name in SCRIPTS)
+
+
+def _script_bytes() -> int:
+    return sum(len(script.encode()) for script in scripts())
+
+
+def _json(data: Any) -> str:
+    """JSON that may stand in a script element."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")

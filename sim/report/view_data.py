@@ -1,0 +1,140 @@
+"""The data of the three-dimensional view: surfaces, poses, arm and the map after each action."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UsageError
+from ..map_field import called_from
+from ..map_history import LOG_ODDS_STEP, to_bytes
+from ..replay import Recording, read_recording
+from ..run_record import RunRecord
+from ..scenarios import PAPER_ORGAN
+from ..world.errors import WorldError
+from .arm_parts import arm_parts, body_poses
+from .packing import Pack, add_mesh
+
+MOST_HISTORY_BYTES = 24_000_000
+"""Maps before compression, a byte a point: more of them are thinned out."""
+MOST_ORGAN_FACES = 40_000
+
+
+def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
+    """Everything that the view draws; arrays go to `pack`."""
+    recording = _recording(record)
+    anatomy = record.anatomy
+    bounds_m = anatomy.organ.bounds_m
+    return {
+        "organ": add_mesh(pack, *thinned(anatomy.organ.vertices_m, anatomy.organ.faces, MOST_ORGAN_FACES)),
+        "tumours": [add_mesh(pack, solid.vertices_m, solid.faces) for solid in anatomy.tumours],
+        "bounds": bounds_m.tolist(),
+        "T_world_organ": record.T_world_organ.tolist(),
+        "is_patient": record.scenario["organ"] != PAPER_ORGAN,
+        "base": None
+        if recording is None or recording.scene.free_probe
+        else recording.scene.T_world_base.tolist(),
+        "probe": pack.add(record.T_world_probe.astype(np.float32).ravel()),
+        "cone": {"half_angle_rad": record.cone.half_angle_rad, "depth_m": record.cone.depth_m},
+        "skipped": _skipped(record),
+        "arm": None if recording is None else _arm(recording, pack),
+        "paths": None if recording is None else _paths(recording, record.n_steps, pack),
+        "map": _map(record, pack),
+    }
+
+
+def _recording(record: RunRecord) -> Recording | None:
+    """The recorded states, or None where there are none or the arm's file is gone."""
+    try:
+        return read_recording(record.folder)
+    except (UsageError, WorldError):
+        return None
+
+
+def _arm(recording: Recording, pack: Pack) -> dict[str, Any]:
+    parts = arm_parts(recording)
+    names = list(dict.fromkeys(name for name, *_ in parts))
+    poses = body_poses(recording, names)
+    return {
+        "n_bodies": len(names),
+        "parts": [
+            {
+                "body": names.index(name),
+                "colour": colour.tolist(),
+                **add_mesh(pack, mesh.vertices, mesh.faces),
+            }
+            for name, colour, mesh in parts
+        ],
+        "poses": pack.add(poses.ravel()),
+    }
+
+
+def _paths(recording: Recording, n_steps: int, pack: Pack) -> dict[str, Any]:
+    """The tip's way to each action."""
+    ways = [motion.tips_m for motion in recording.motions.values()][:n_steps]
+    ends = np.cumsum([len(way) for way in ways])
+    points = np.concatenate([*ways, np.empty((0, 3))]).astype(np.float32)
+    return {"points": pack.add(points.ravel()), "ends": ends.tolist()}
+
+
+def _skipped(record: RunRecord) -> list[list[float]]:
+    """Step and position of each pose that could not be taken, where the table tells them."""
+    return [
+        [int(row["step"]), *(float(row[f"position_{axis}_m"]) for axis in "xyz")]
+        for row in record.skipped
+        if "position_x_m" in row
+    ]
+
+
+def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:
+    """The lattice and the map after each kept action, each as its difference from the one before."""
+    field = record.field
+    if field is None:
+        return None
+    last = to_bytes(field.log_odds[field.is_inside])
+    history = {step: to_bytes(log_odds) for step, log_odds in record.history.items()} | {record.n_steps: last}
+    steps = thinned_steps(sorted(history), MOST_HISTORY_BYTES // max(last.size, 1))
+    before, places = np.zeros_like(last), []
+    for step in steps:
+        places.append(pack.add(history[step] - before))  # wraps around, as it does when it is added up
+        before = history[step]
+    prior = float(record.config["map"]["prior_prevalence"])
+    return {
+        "shape": list(field.is_inside.shape),
+        "low": [float(axis[0]) for axis in field.axes_m],
+        "cell": field.cell_m.tolist(),
+        "inside": pack.add(np.packbits(field.is_inside.ravel(), bitorder="little")),
+        "n_inside": field.n_inside,
+        "steps": steps,
+        "maps": places,
+        "log_odds_step": LOG_ODDS_STEP,
+        "called_from": called_from(prior),
+    }
+
+
+def thinned_steps(steps: list[int], most: int) -> list[int]:
+    """At most so many of the steps, evenly, the last one among them."""
+    if len(steps) <= max(most, 1):
+        return steps
+    chosen = np.unique(np.linspace(0, len(steps) - 1, max(most, 2)).round().astype(int))
+    return [steps[i] for i in chosen]
+
+
+def thinned(
+    vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_faces: int
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """A mesh with the vertices of each cell of a grid drawn together, the finest grid that leaves few enough faces."""
+    low, extent = vertices_m.min(axis=0), np.ptp(vertices_m, axis=0).max()
+    for n_cells in (256, 192, 128, 96, 64, 32):
+        if len(faces) <= most_faces:
+            break
+        cells = np.floor((vertices_m - low) / extent * n_cells).astype(np.int64)
+        _, cell_of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+        drawn = np.stack([np.bincount(cell_of.ravel(), vertices_m[:, i]) for i in range(3)], axis=1)
+        faces = cell_of.ravel()[faces]
+        vertices_m = drawn / counts[:, None]
+        is_flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
+        faces = faces[~is_flat]
+    return vertices_m, faces

@@ -1,0 +1,18 @@
+"""What a run comes to, as files for people and for other programs: findings, surfaces and poses."""
+
+from __future__ import annotations
+
+from .finding_tables import write_finding_tables
+from .findings import Findings, find
+from .poses import write_poses_json
+from .run_record import RunRecord
+from .surface_files import write_surfaces
+
+
+def write_results(record: RunRecord) -> Findings:
+    """Write tumours.csv, false_findings.csv, surfaces/ and poses.json to a run's folder, finished or not."""
+    findings = find(record)
+    write_finding_tables(record.folder, findings)
+    write_surfaces(record, findings)
+    write_poses_json(record.folder, record.T_world_organ)
+    return findings

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from .errors import UsageError
+from .world.label_coding import CodingName
+from .world.mesh_files import MeshFrame, Unit
 
 TumourShape = Literal["sphere", "lobulated"]
-Unit = Literal["mm", "m"]
 PAPER_ORGAN = "paper-organ"
 LIVER = "liver"
 PAPER_UNIT_M = 0.03
@@ -31,13 +32,35 @@ class Scenario:
     name: str = "scenario"
     """Name under which results are kept."""
     organ: str = LIVER
-    """`liver` (the embedded one), `paper-organ` (the paper's synthetic surface), or the path of a mesh."""
+    """`liver` (the embedded one), `paper-organ` (the paper's synthetic surface), or the path of a mesh or a label
+    volume."""
     organ_unit: Unit = "mm"
-    """Unit of mesh files: of `organ` and of `tumour_files` alike."""
+    """Unit of all mesh files."""
+    organ_frame: MeshFrame = "auto"
+    """Axes of mesh files: lps, ras, or auto for what the file's header says, else lps."""
     tumour_files: tuple[str, ...] = ()
-    """Meshes of the true tumours, in the organ's coordinates. None: tumours are planted by seed."""
+    """Meshes or label volumes of the true tumours, in the organ's coordinates. Where no file holds any, tumours are
+    planted by seed."""
+    structure_files: tuple[str, ...] = ()
+    """Meshes or masks of vessels and other structures to show, in the organ's coordinates."""
+    keepout_files: tuple[str, ...] = ()
+    """Those that the probe must not press."""
+    keepout_distance_m: float = 0.005
+    """Poses closer than this to one of these are left out [m]."""
+    label_coding: CodingName = "auto"
+    """What a label volume's numbers mean: the name of a published coding, or auto."""
+    organ_labels: tuple[int, ...] = ()
+    """Labels of the organ, in place of the coding's."""
+    tumour_labels: tuple[int, ...] = ()
+    """Labels of tumours, in place of the coding's."""
+    structure_labels: tuple[int, ...] = ()
+    """Labels of structures to show."""
+    keepout_labels: tuple[int, ...] = ()
+    """Labels of structures that the probe must not press."""
+    voxel_spacing_m: tuple[float, float, float] | None = None
+    """Distances between voxels [m] in place of the label volume's own."""
     n_tumours: int = 3
-    """Tumours to plant where no files are given; 0 is allowed."""
+    """Tumours to plant where no file holds any; 0 is allowed."""
     tumour_shape: TumourShape = "lobulated"
     """Planted tumours are `sphere`s of one radius or `lobulated` shapes of many sizes."""
     tumour_radius_m: float = 0.4 * PAPER_UNIT_M
@@ -66,11 +89,11 @@ class Scenario:
             value = getattr(self, name)
             _require(type(value) in (int, float), f"{name}={value!r}: a number.")
         _require(0 <= self.n_tumours <= 50, f"n_tumours={self.n_tumours}: from 0 to 50.")
+        self._check_files()
         _require(
             self.tumour_shape in get_args(TumourShape),
             f"tumour_shape={self.tumour_shape!r}: sphere or lobulated.",
         )
-        _require(self.organ_unit in get_args(Unit), f"organ_unit={self.organ_unit!r}: mm or m.")
         _require(
             0.001 <= self.tumour_radius_m <= 0.1,
             f"tumour_radius_m={self.tumour_radius_m}: from 0.001 to 0.1 m.",
@@ -92,6 +115,23 @@ class Scenario:
         )
         if (self.organ_position_m is None) != (self.organ_quaternion is None):
             raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
+
+    def _check_files(self) -> None:
+        for name, kind in (("organ_unit", Unit), ("organ_frame", MeshFrame), ("label_coding", CodingName)):
+            value, known = getattr(self, name), get_args(kind)
+            _require(value in known, f"{name}={value!r}: {' or '.join(known)}.")
+        for name in ("organ_labels", "tumour_labels", "structure_labels", "keepout_labels"):
+            labels = getattr(self, name)
+            is_labels = all(type(each) is int and 1 <= each <= 65_535 for each in labels)
+            _require(is_labels, f"{name}={labels}: whole numbers from 1 to 65535.")
+        _require(
+            0.0 <= self.keepout_distance_m <= 0.1,
+            f"keepout_distance_m={self.keepout_distance_m}: from 0 to 0.1 m.",
+        )
+        spacing_m = self.voxel_spacing_m
+        if spacing_m is not None:
+            is_spacing = len(spacing_m) == 3 and all(2e-5 <= each <= 0.03 for each in spacing_m)
+            _require(is_spacing, f"voxel_spacing_m={spacing_m}: three lengths from 0.00002 to 0.03 m.")
 
 
 SCENARIOS: dict[str, Scenario] = {
@@ -141,8 +181,9 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
     values.setdefault("name", path.stem)
     if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN):
         values["organ"] = str(path.parent / str(values["organ"]))
-    if "tumour_files" in values:
-        values["tumour_files"] = tuple(str(path.parent / file) for file in values["tumour_files"])
+    for key in ("tumour_files", "structure_files", "keepout_files"):
+        if key in values:
+            values[key] = tuple(str(path.parent / file) for file in values[key])
     try:
         return dataclasses.replace(SCENARIOS[base] if base else Scenario(), **values)
     except (TypeError, UsageError) as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +13,17 @@ from planner import Cone, Workspace, visible_points
 from .carrier import ArmCarrier, Carrier, FreeCarrier
 from .scenarios import LIVER, PAPER_ORGAN, Scenario
 from .world.anatomy import build_anatomy
+from .world.anatomy_files import AnatomyFiles, LoadedAnatomy, load_anatomy
 from .world.arm import MODELS_DIR, ArmModel
 from .world.distance_grid import DistanceGrid
+from .world.errors import MeshError
 from .world.footing import check_footing
-from .world.meshes import load_mesh
+from .world.label_coding import LabelChoice
 from .world.paper_organ import paper_organ
 from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
+from .world.structures import Structure, is_pressable
 from .world.surface import SensingSurface, upper_surface_workspace
 from .world.surface_distance import SurfaceDistance
 
@@ -41,7 +43,11 @@ class Stage:
     organ: Solid
     """World frame [m]."""
     given_tumours: tuple[Solid, ...]
-    """Tumours that the scenario names by file, world frame [m]; empty where they are planted."""
+    """Tumours that the scenario's files hold, world frame [m]; empty where they are planted."""
+    tumour_names: tuple[str, ...]
+    """What to call each of these in messages."""
+    structures: tuple[Structure, ...]
+    """Vessels and the like, world frame [m]."""
     T_world_organ: NDArray[np.float64]
     """Maps the organ file's coordinates [m] to the world, shape (4, 4)."""
     workspace: Workspace
@@ -81,7 +87,9 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    empty = build_anatomy(organ, name=scenario.name, rng=np.random.default_rng(0))
+    empty = build_anatomy(
+        organ, name=scenario.name, rng=np.random.default_rng(0), structures=placed.structures
+    )
     scene = build_scene(empty, cone, arm=arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
     organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
@@ -95,6 +103,8 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
         scenario=scenario,
         organ=organ,
         given_tumours=placed.tumours,
+        tumour_names=placed.tumour_names,
+        structures=placed.structures,
         T_world_organ=placed.T_world_organ,
         workspace=workspace,
         cone=cone,
@@ -122,23 +132,45 @@ def _hinge_mask(
 
 
 def placed_organ(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
-    """Organ and given tumours in the world, and the notices of their files.
+    """Organ, given tumours and structures in the world, and the notices of their files.
 
     Raises:
-        WorldError: A mesh that cannot be used.
+        WorldError: A file that cannot be used.
+    """
+    loaded = load_scenario_anatomy(scenario)
+    placed = _put_in_world(scenario, loaded.organ, loaded.tumours)
+    placed = placed.with_structures(loaded.structures).with_tumour_names(loaded.tumour_names)
+    return placed, loaded.notices
+
+
+def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
+    """The anatomy of a scenario in its own coordinates.
+
+    Raises:
+        WorldError: A file that cannot be used.
     """
     if scenario.organ == PAPER_ORGAN:
-        organ, notices = paper_organ().solid, []
-    else:
-        path = MODELS_DIR / "liver.stl" if scenario.organ == LIVER else Path(scenario.organ)
-        loaded = load_mesh(path, "mm" if scenario.organ == LIVER else scenario.organ_unit)
-        organ, notices = Solid.from_trimesh(loaded.mesh), list(loaded.notices)
-    tumours: tuple[Solid, ...] = ()
-    for file in scenario.tumour_files:
-        loaded = load_mesh(Path(file), scenario.organ_unit, role="tumour")
-        tumours += (Solid.from_trimesh(loaded.mesh),)
-        notices += loaded.notices
-    return _put_in_world(scenario, organ, tumours), tuple(notices)
+        return LoadedAnatomy(organ=paper_organ().solid)
+    if scenario.organ == LIVER:
+        return load_anatomy(AnatomyFiles(organ=str(MODELS_DIR / "liver.stl")))
+    return load_anatomy(
+        AnatomyFiles(
+            organ=scenario.organ,
+            tumours=scenario.tumour_files,
+            structures=scenario.structure_files,
+            keepouts=scenario.keepout_files,
+            unit=scenario.organ_unit,
+            frame=scenario.organ_frame,
+            labels=LabelChoice(
+                coding=scenario.label_coding,
+                organ=scenario.organ_labels,
+                tumours=scenario.tumour_labels,
+                structures=scenario.structure_labels,
+                keepouts=scenario.keepout_labels,
+            ),
+            spacing_m=scenario.voxel_spacing_m,
+        )
+    )
 
 
 def _put_in_world(scenario: Scenario, organ: Solid, tumours: tuple[Solid, ...]) -> PlacedOrgan:
@@ -156,7 +188,15 @@ def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
         surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
     else:
         surface = upper_surface_workspace(placed.organ, scenario.n_poses, rng=np.random.default_rng(0))
-    return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+    is_clear = is_pressable(surface.positions_m, placed.structures, scenario.keepout_distance_m)
+    if is_clear.all():
+        return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+    if not is_clear.any():
+        raise MeshError(
+            f"no pose is left: all lie within {scenario.keepout_distance_m * 1e3:g} mm of what must not be "
+            "pressed; lower --keepout-mm, or name fewer structures"
+        )
+    return Workspace(surface.positions_m[is_clear], surface.normals[is_clear])
 
 
 def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:

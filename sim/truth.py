@@ -50,7 +50,8 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
         tumours,
         name=stage.scenario.name,
         rng=points_rng,
-        tumour_names=stage.scenario.tumour_files or None,
+        tumour_names=stage.tumour_names or None,
+        structures=stage.structures,
     )
     points_m = anatomy.detection_points_m
     fraction = _attainable_fraction(stage, points_m) if len(points_m) else None

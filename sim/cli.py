@@ -14,12 +14,13 @@ from planner import PlannerError
 from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
+from .patient_options import ExportOptions, InspectOptions
 from .replay_options import ReplayOptions
 from .trials_options import CompareOptions, TrialsOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
-EXIT_NOT_REACHED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+EXIT_NOT_REACHED, EXIT_NOT_USABLE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 1, 1, 2, 130
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ COMMANDS = {
     "reach": ReachOptions,
     "ik": IkOptions,
     "replay": ReplayOptions,
+    "inspect": InspectOptions,
+    "export": ExportOptions,
     "doctor": DoctorOptions,
 }
 DESCRIPTION = (
@@ -57,6 +60,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _ik(options)
         if isinstance(options, ReplayOptions):
             return _replay(options)
+        if isinstance(options, InspectOptions):
+            return _inspect(options)
+        if isinstance(options, ExportOptions):
+            return _export(options)
         if isinstance(options, TrialsOptions):
             return _trials(options)
         if isinstance(options, CompareOptions):
@@ -146,6 +153,21 @@ def _replay(options: ReplayOptions) -> int:
     except KeyboardInterrupt:
         print("sounding: interrupted; no video was written.", file=sys.stderr)
         return EXIT_INTERRUPTED
+    return 0
+
+
+def _inspect(options: InspectOptions) -> int:
+    from .inspection import run_inspect
+
+    inspection = run_inspect(options)
+    print(inspection.text)
+    return 0 if inspection.is_usable else EXIT_NOT_USABLE
+
+
+def _export(options: ExportOptions) -> int:
+    from .export import run_export
+
+    print(run_export(options))
     return 0
 
 

@@ -14,7 +14,8 @@ from mapping import MapSettings
 from planner import Planner, make_planner, planner_names
 
 from .errors import UsageError
-from .scenarios import CodingName, MeshFrame, Scenario, Unit, load_scenario
+from .organ_pose import pose_changes
+from .scenarios import GENERATED_LIVER, CodingName, MeshFrame, Scenario, Unit, load_scenario
 from .world.motion_settings import MotionSettings
 from .world.servo_settings import ServoSettings
 
@@ -38,7 +39,8 @@ class EpisodeOptions:
     """
 
     scenario: str = "liver"
-    """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, or the path of a scenario .toml."""
+    """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, generated-liver (another for each
+    seed), or the path of a scenario .toml."""
     planner: str = "find-and-outline"
     """Which planner chooses the next pose: find-and-outline, expected-improvement (the paper's), random,
     multi-resolution."""
@@ -107,6 +109,10 @@ class EpisodeOptions:
     """How near [mm]."""
     spacing_mm: tuple[float, float, float] | None = None
     """Distances between a label volume's voxels [mm] in place of its header's, where that is wrong."""
+    organ_pose: tuple[str, ...] = ()
+    """How the organ lies; anterior up on the table by default. `best`: whichever way up brings the largest surface
+    within the arm's reach. Three numbers: turned from anterior up about the world's x, y and z [degrees]. Seven:
+    position [mm] and quaternion (wxyz) of the files' LPS axes in the world."""
     frames: Frames = "none"
     """Pictures of the scene: each (one per action), last (the final one), none."""
     out: Path | None = None
@@ -167,13 +173,15 @@ class EpisodeOptions:
     def make_scenario(self) -> Scenario:
         """The scenario with what the command line changes about it."""
         scenario = load_scenario(self.scenario)
-        changes: dict[str, Any] = {}
+        changes: dict[str, Any] = pose_changes(self.organ_pose)
+        if scenario.organ == GENERATED_LIVER and scenario.organ_seed is None:
+            changes["organ_seed"] = self.seed
         if self.cone_half_angle_deg is not None:
             changes["cone_half_angle_rad"] = math.radians(self.cone_half_angle_deg)
         if self.cone_depth_mm is not None:
             changes["cone_depth_m"] = self.cone_depth_mm * 1e-3
         if self.n_tumours is not None:
-            changes["n_tumours"] = self.n_tumours
+            changes |= {"n_tumours": self.n_tumours, "tumour_load": "fixed"}
         if self.organ is not None:
             changes |= self._organ_changes(self.organ)
         return dataclasses.replace(scenario, **changes)
@@ -197,6 +205,7 @@ class EpisodeOptions:
             "keepout_labels": self.keepout_label,
             "voxel_spacing_m": None if spacing is None else tuple(each * 1e-3 for each in spacing),
             "n_tumours": self.n_tumours or 0,
+            "tumour_load": "fixed",
         }
 
     def make_motion_settings(self) -> MotionSettings:

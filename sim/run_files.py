@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .episode import Episode, Step
+from .map_volumes import MapArrays, map_volumes
 from .options import EpisodeOptions
 from .recording import RunFolder
 from .stage import Stage
@@ -22,6 +23,8 @@ def run_config(options: EpisodeOptions, stage: Stage, map_settings: Any) -> dict
         "scenario": dataclasses.asdict(stage.scenario),
         "map": dataclasses.asdict(map_settings),
         "T_world_organ": stage.T_world_organ,
+        "T_input_world": np.linalg.inv(stage.T_world_organ),
+        "input_axes": "LPS [m]: +x left, +y back, +z head of the patient; NIfTI has RAS [mm]",
         "n_poses": stage.workspace.n_poses,
         "n_hinges": int(stage.hinge_mask.sum()),
         "n_search_points": len(stage.search_points_m),
@@ -69,7 +72,7 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
 
 
 def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
-    """Write the map as arrays on the query lattice; NaN outside the organ."""
+    """Write the map as arrays on the query lattice, NaN outside the organ, and the final one as NIfTI too."""
     stage, prediction = episode.stage, episode.prediction
     if prediction is None:
         return
@@ -80,15 +83,24 @@ def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
         return field_values.reshape(stage.query.shape)
 
     x_m, y_m, z_m = stage.query.axes_m
+    arrays = MapArrays(
+        axes_m=(x_m, y_m, z_m),
+        probability=on_lattice(prediction.probability, np.nan),
+        latent_variance=on_lattice(prediction.latent_variance, np.nan),
+        is_inside=stage.is_inside.reshape(stage.query.shape),
+    )
     folder.write_arrays(
         "map.npz",
         compressed=is_final,
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
-        probability=on_lattice(prediction.probability, np.nan),
+        probability=arrays.probability,
         latent_mean=on_lattice(prediction.latent_mean, np.nan),
-        latent_variance=on_lattice(prediction.latent_variance, np.nan),
+        latent_variance=arrays.latent_variance,
         is_tumour=on_lattice(episode.truth.is_tumour, False),
-        is_inside=stage.is_inside.reshape(stage.query.shape),
+        is_inside=arrays.is_inside,
     )
+    if is_final:
+        for name, content in map_volumes(arrays, stage.T_world_organ).items():
+            folder.write_bytes(name, content)

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from .errors import UsageError
-from .world.label_coding import CodingName
-from .world.mesh_files import MeshFrame, Unit
+from .world.file_kinds import CodingName, MeshFrame, Unit
 
 TumourShape = Literal["sphere", "lobulated"]
+TumourLoad = Literal["fixed", "lits"]
+Placing = Literal["table", "best"]
 PAPER_ORGAN = "paper-organ"
 LIVER = "liver"
+GENERATED_LIVER = "generated-liver"
 PAPER_UNIT_M = 0.03
 """One unit of length of the paper; see docs/architecture.md."""
 
@@ -32,8 +34,10 @@ class Scenario:
     name: str = "scenario"
     """Name under which results are kept."""
     organ: str = LIVER
-    """`liver` (the embedded one), `paper-organ` (the paper's synthetic surface), or the path of a mesh or a label
-    volume."""
+    """`liver` (the embedded one), `generated-liver` (one of its own for each seed), `paper-organ` (the paper's
+    synthetic surface), or the path of a mesh or a label volume."""
+    organ_seed: int | None = None
+    """Seed of a generated liver; by default the episode's, so that every seed has another."""
     organ_unit: Unit = "mm"
     """Unit of all mesh files."""
     organ_frame: MeshFrame = "auto"
@@ -61,6 +65,8 @@ class Scenario:
     """Distances between voxels [m] in place of the label volume's own."""
     n_tumours: int = 3
     """Tumours to plant where no file holds any; 0 is allowed."""
+    tumour_load: TumourLoad = "fixed"
+    """`fixed`: `n_tumours` of them. `lits`: number and diameters are drawn by seed as LiTS has them."""
     tumour_shape: TumourShape = "lobulated"
     """Planted tumours are `sphere`s of one radius or `lobulated` shapes of many sizes."""
     tumour_radius_m: float = 0.4 * PAPER_UNIT_M
@@ -79,6 +85,10 @@ class Scenario:
     """Where the organ's own origin lies in the world [m]; by default the organ is laid on the table."""
     organ_quaternion: tuple[float, float, float, float] | None = None
     """Orientation of the organ's axes in the world (wxyz), together with `organ_position_m`."""
+    organ_turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """How the organ on the table is turned from anterior up: about the world's x, then y, then z [rad]."""
+    organ_placing: Placing = "table"
+    """`table`: as turned. `best`: whichever way up brings the largest surface within the arm's reach."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
@@ -117,7 +127,9 @@ class Scenario:
             raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
 
     def _check_files(self) -> None:
-        for name, kind in (("organ_unit", Unit), ("organ_frame", MeshFrame), ("label_coding", CodingName)):
+        kinds = {"organ_unit": Unit, "organ_frame": MeshFrame, "label_coding": CodingName}
+        kinds |= {"tumour_load": TumourLoad, "organ_placing": Placing}
+        for name, kind in kinds.items():
             value, known = getattr(self, name), get_args(kind)
             _require(value in known, f"{name}={value!r}: {' or '.join(known)}.")
         for name in ("organ_labels", "tumour_labels", "structure_labels", "keepout_labels"):
@@ -127,6 +139,14 @@ class Scenario:
         _require(
             0.0 <= self.keepout_distance_m <= 0.1,
             f"keepout_distance_m={self.keepout_distance_m}: from 0 to 0.1 m.",
+        )
+        _require(
+            len(self.organ_turn_rad) == 3 and all(math.isfinite(each) for each in self.organ_turn_rad),
+            f"organ_turn_rad={self.organ_turn_rad}: three angles.",
+        )
+        _require(
+            self.organ_seed is None or (type(self.organ_seed) is int and self.organ_seed >= 0),
+            f"organ_seed={self.organ_seed}: a whole number from 0 on.",
         )
         spacing_m = self.voxel_spacing_m
         if spacing_m is not None:
@@ -138,8 +158,15 @@ SCENARIOS: dict[str, Scenario] = {
     "sphere": Scenario(name="sphere", organ=PAPER_ORGAN, n_tumours=1, tumour_shape="sphere"),
     "spheres": Scenario(name="spheres", organ=PAPER_ORGAN, n_tumours=3, tumour_shape="sphere"),
     "liver": Scenario(name="liver", cone_half_angle_rad=math.radians(15.0), cone_depth_m=0.13),
+    "generated-liver": Scenario(
+        name="generated-liver",
+        organ=GENERATED_LIVER,
+        tumour_load="lits",
+        cone_half_angle_rad=math.radians(15.0),
+        cone_depth_m=0.13,
+    ),
 }
-"""The paper's scenario 1 and 2 and, in place of its LiTS case, the embedded liver.
+"""The paper's scenario 1 and 2; in place of its LiTS case, the embedded liver; and a liver of its own for each seed.
 
 The paper does not state its cone. For the synthetic organ it is pinned down by the baselines; for the liver it is that
 of an abdominal probe, 130 mm deep and 70 mm wide at that depth.
@@ -179,7 +206,7 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
             raise UsageError(f"{path}: unknown key {key!r}. Known keys: base, {', '.join(known)}.")
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     values.setdefault("name", path.stem)
-    if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN):
+    if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN, GENERATED_LIVER):
         values["organ"] = str(path.parent / str(values["organ"]))
     for key in ("tumour_files", "structure_files", "keepout_files"):
         if key in values:

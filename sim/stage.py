@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from mapping import Lattice, MapSettings
 from planner import Cone, Workspace, visible_points
 
+from .best_pose import best_turn_rad
 from .carrier import ArmCarrier, Carrier, FreeCarrier
-from .scenarios import LIVER, PAPER_ORGAN, Scenario
+from .scenarios import GENERATED_LIVER, LIVER, PAPER_ORGAN, Scenario
 from .world.anatomy import build_anatomy
 from .world.anatomy_files import AnatomyFiles, LoadedAnatomy, load_anatomy
 from .world.arm import MODELS_DIR, ArmModel
@@ -19,8 +20,9 @@ from .world.distance_grid import DistanceGrid
 from .world.errors import MeshError
 from .world.footing import check_footing
 from .world.label_coding import LabelChoice
+from .world.liver_generator import make_liver
 from .world.paper_organ import paper_organ
-from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
+from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose, turned
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
 from .world.structures import Structure, is_pressable
@@ -29,6 +31,8 @@ from .world.surface_distance import SurfaceDistance
 
 GRID_MARGIN_M = 0.002
 """The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
+GENERATOR_STREAM = 1
+"""Keeps the draws of a generated liver apart from those of the seed's tumours."""
 HINGE_REACH = 2.0
 """Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
 PAPER_QUERY = (22, 22, 13)
@@ -83,7 +87,7 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     Raises:
         WorldError: A mesh or an arm that cannot be used.
     """
-    placed, notices = placed_organ(scenario)
+    placed, notices = placed_organ(scenario, arm)
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
@@ -131,14 +135,18 @@ def _hinge_mask(
     return organ_distance.distance_m(hinges.points_m()) <= reach_m
 
 
-def placed_organ(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
+def placed_organ(scenario: Scenario, arm: ArmModel | None = None) -> tuple[PlacedOrgan, tuple[str, ...]]:
     """Organ, given tumours and structures in the world, and the notices of their files.
+
+    Args:
+        scenario: The case.
+        arm: What shall reach the organ, where it is to be placed for that.
 
     Raises:
         WorldError: A file that cannot be used.
     """
     loaded = load_scenario_anatomy(scenario)
-    placed = _put_in_world(scenario, loaded.organ, loaded.tumours)
+    placed = _put_in_world(scenario, loaded, arm)
     placed = placed.with_structures(loaded.structures).with_tumour_names(loaded.tumour_names)
     return placed, loaded.notices
 
@@ -151,6 +159,9 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
     """
     if scenario.organ == PAPER_ORGAN:
         return LoadedAnatomy(organ=paper_organ().solid)
+    if scenario.organ == GENERATED_LIVER:
+        seed = scenario.organ_seed or 0
+        return LoadedAnatomy(organ=make_liver(np.random.default_rng((seed, GENERATOR_STREAM))))
     if scenario.organ == LIVER:
         return load_anatomy(AnatomyFiles(organ=str(MODELS_DIR / "liver.stl")))
     return load_anatomy(
@@ -173,13 +184,17 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
     )
 
 
-def _put_in_world(scenario: Scenario, organ: Solid, tumours: tuple[Solid, ...]) -> PlacedOrgan:
+def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | None) -> PlacedOrgan:
+    organ, tumours = loaded.organ, loaded.tumours
     if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
         T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
         return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
     if scenario.organ == PAPER_ORGAN:  # its axes are the world's already: z is up
         return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
-    return lay_on_table(organ, tumours)
+    turn_rad = scenario.organ_turn_rad
+    if scenario.organ_placing == "best":
+        turn_rad = best_turn_rad(organ, arm)
+    return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
 
 
 def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:

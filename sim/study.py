@@ -24,7 +24,7 @@ STAGE_OPTIONS = (
     "scenario",
     "organ",
     *("tumour", "n_tumours", "unit", "mesh_frame", "coding", "organ_label", "tumour_label", "spacing_mm"),
-    *("structure", "structure_label", "keepout", "keepout_label", "keepout_mm"),
+    *("structure", "structure_label", "keepout", "keepout_label", "keepout_mm", "organ_pose"),
     "cone_half_angle_deg",
     "cone_depth_mm",
     "arm",

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from .errors import MeshError, VolumeError
+from .file_kinds import MeshFrame, Unit
 from .label_anatomy import LabelledAnatomy, anatomy_of, shifted, tumour_pieces
 from .label_coding import CODINGS, Coding, LabelChoice, coding_of
 from .label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
-from .mesh_files import MeshFrame, Unit
-from .meshes import load_mesh, load_surface
+from .meshes import load_mesh, load_surface, remarks_on_size
 from .solid import Solid
 from .structures import Structure
 from .volume import Volume
@@ -107,8 +107,6 @@ def _labelled(files: AnatomyFiles, notices: list[str]) -> LabelledAnatomy:
 
 def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
     """What is to be said of the size of an organ from a volume."""
-    from .meshes import remarks_on_size
-
     remarks = remarks_on_size(organ.volume_m3, "organ")
     if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
         remarks.append(

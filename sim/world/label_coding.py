@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 from .errors import VolumeError
 from .volume import Volume
-
-CodingName = Literal["auto", "lits", "msd-liver", "3d-ircadb", "totalsegmentator"]
 
 WORDS = {
     "organ": ("liver", "leber", "foie"),
     "tumour": ("tumor", "tumour", "lesion", "cancer", "metasta", "hcc"),
 }
 """Parts of the names that 3D Slicer's users give their segments."""
+
+
+MOST_TOTAL_LABEL = 117
+"""TotalSegmentator's highest label."""
+
+LIVER_RANGE_M3 = (0.2e-3, 6e-3)
+"""Label 5 is taken for TotalSegmentator's liver if it has such a volume [m^3]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +107,8 @@ def _guess(volume: Volume, path: object) -> tuple[Coding, list[str]]:
         return Coding(organ=tuple(labels)), []
     if labels == {1, 2}:
         return CODINGS["lits"], []
-    if 5 in labels and max(labels) > 10 and max(labels) <= 120:
+    liver_m3 = volume.counts.get(5, 0) * volume.voxel_volume_m3
+    if 10 < max(labels) <= MOST_TOTAL_LABEL and LIVER_RANGE_M3[0] <= liver_m3 <= LIVER_RANGE_M3[1]:
         return CODINGS["totalsegmentator"], ["the labels are taken for TotalSegmentator's: 5 is the liver"]
     raise VolumeError(
         f"{path}: which of its labels is the organ? It holds {describe_labels(volume)}. Pass --organ-label N, and "

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import trimesh
@@ -16,10 +15,8 @@ from numpy.typing import NDArray
 from trimesh.resolvers import FilePathResolver
 
 from .errors import MeshError
+from .file_kinds import MeshFrame
 from .mesh_repair import compact
-
-Unit = Literal["mm", "m"]
-MeshFrame = Literal["auto", "lps", "ras"]
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf")
 

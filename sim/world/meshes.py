@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from .decimation import decimate
 from .errors import MeshError, MissingPackageError
-from .mesh_files import MeshFrame, Unit, read_triangles
+from .file_kinds import MeshFrame, Unit
+from .mesh_files import read_triangles
 from .mesh_repair import RepairError, repair
 from .solid import Solid
 

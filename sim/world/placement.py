@@ -109,6 +109,15 @@ def put_at_pose(organ: Solid, tumours: tuple[Solid, ...] = (), *, T_world_organ:
     return PlacedOrgan(organ.transformed(T), tuple(tumour.transformed(T) for tumour in tumours), T)
 
 
+def turned(turn_rad: ArrayLike) -> NDArray[np.float64]:
+    """Rotation from patient axes (LPS) to the world, 3 x 3: anterior up, then turned about the world's x, y and z.
+
+    Args:
+        turn_rad: The three angles [rad], in this order.
+    """
+    return Rotation.from_euler("xyz", np.asarray(turn_rad, dtype=np.float64)).as_matrix() @ R_WORLD_LPS
+
+
 def pose_matrix(position_m: ArrayLike, quaternion: ArrayLike) -> NDArray[np.float64]:
     """The rigid motion of a position and an orientation, shape (4, 4).
 

@@ -56,7 +56,7 @@ LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0])
 
 READER_ERRORS = (
     *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
-    *(OSError, EOFError, MemoryError, zlib.error, struct.error),
+    *(OSError, EOFError, MemoryError, StopIteration, zlib.error, struct.error),
     *(ImageFileError, HeaderDataError, HeaderTypeError, ImageDataError, WrapStructError, nrrd.NRRDError),
 )
 """What the readers may raise when fed with arbitrary bytes."""

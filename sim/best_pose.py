@@ -26,11 +26,11 @@ from .world.surface import upper_surface_area_m2, upper_surface_workspace
 
 TILT_STEPS_DEG = (-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0, 180.0)
 """Turns about the world's x and y that are tried; with the arm also half a turn about z."""
-N_ASKED = 6
+N_ASKED = 4
 """Candidates of the largest upper surface that the arm is asked about, each in two yaws."""
-N_POSES = 120
-"""Poses by which the reached share is judged: to 4 % of it."""
-RESTARTS = 8
+N_POSES = 80
+"""Poses by which the reached share is judged: to 5 % of it."""
+RESTARTS = 4
 """Further starts of the arm's search: a pose that takes more is no comfortable one."""
 GRID_MARGIN_M = 0.02
 Turn = tuple[float, float, float]

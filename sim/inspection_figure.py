@@ -20,19 +20,17 @@ from .world.solid import Solid
 VIEWS = (
     ("from the front", (0, 2), np.array([0.0, -1.0, 0.0]), ("left →", "head →")),
     ("from the left", (1, 2), np.array([1.0, 0.0, 0.0]), ("back →", "head →")),
-    ("from above, anterior up", (0, 1), np.array([0.0, 0.0, 1.0]), ("left →", "← front")),
+    ("from the feet, as on CT", (0, 1), np.array([0.0, 0.0, -1.0]), ("left →", "front →")),
 )
 """Title, axes drawn across and up (LPS), direction towards the viewer, and what the axes mean."""
-ORGAN, TUMOUR, STRUCTURE, KEEPOUT = "#C9705F", "#E0A100", "#4C6B9E", "#2E7D4F"
-ORGAN_ALPHA = 0.30
-LIGHT = 0.45
+ORGAN, TUMOUR, STRUCTURE, KEEPOUT = "#F0C9BE", "#E0A100", "#4C6B9E", "#2E7D4F"
+INNER_ALPHA = 0.88
+LIGHT = 0.55
 """Least brightness of a triangle seen edge on."""
-MOST_TRIANGLES = 24_000
-"""Triangles drawn of one surface at most: the rest is left out evenly."""
 
 
 def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
-    """Writes three views of an anatomy as a PNG: the organ translucent, what is in it solid.
+    """Writes three views of an anatomy as a PNG: what is in the organ shows through it.
 
     Args:
         path: The file to write.
@@ -40,10 +38,10 @@ def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
         title: What it is.
     """
     figure = Figure(figsize=(13.2, 5.0), layout="constrained")
-    for axes, view in zip(figure.subplots(1, 3), VIEWS, strict=True):
-        _draw_view(axes, loaded, view)
+    for index, axes in enumerate(figure.subplots(1, 3)):
+        draw_view(axes, loaded, index)
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK)
-    handles = [Patch(color=ORGAN, alpha=0.6, label="organ")]
+    handles = [Patch(color=ORGAN, label="organ")]
     handles += [Patch(color=TUMOUR, label="tumours")] if loaded.tumours else []
     kinds = {each.is_keepout for each in loaded.structures}
     handles += [Patch(color=STRUCTURE, label="structures")] if False in kinds else []
@@ -52,15 +50,24 @@ def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
     save(figure, path)
 
 
-def _draw_view(axes: Axes, loaded: LoadedAnatomy, view: tuple) -> None:
-    title, (across, up), towards, names = view
+def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:
+    """Draws one of the views.
+
+    Args:
+        axes: Where to draw.
+        loaded: The anatomy, in patient axes.
+        index: Which of `VIEWS`.
+    """
+    title, (across, up), towards, names = VIEWS[index]
     inner: Sequence[tuple[Solid, str]] = [
         *((each.solid, KEEPOUT if each.is_keepout else STRUCTURE) for each in loaded.structures),
         *((tumour, TUMOUR) for tumour in loaded.tumours),
     ]
+    axes.add_collection(_shaded(loaded.organ, (across, up), towards, ORGAN))
     for solid, colour in inner:
-        axes.add_collection(_shaded(solid, (across, up), towards, colour, 1.0))
-    axes.add_collection(_shaded(loaded.organ, (across, up), towards, ORGAN, ORGAN_ALPHA))
+        shaded = _shaded(solid, (across, up), towards, colour)
+        shaded.set_alpha(INNER_ALPHA)
+        axes.add_collection(shaded)
     low_mm, high_mm = loaded.organ.bounds_m[:, [across, up]] * 1e3
     margin_mm = 0.06 * (high_mm - low_mm).max()
     axes.set_xlim(low_mm[0] - margin_mm, high_mm[0] + margin_mm)
@@ -76,7 +83,7 @@ def _draw_view(axes: Axes, loaded: LoadedAnatomy, view: tuple) -> None:
 
 
 def _shaded(
-    solid: Solid, plane: tuple[int, int], towards: NDArray[np.float64], colour: str, alpha: float
+    solid: Solid, plane: tuple[int, int], towards: NDArray[np.float64], colour: str
 ) -> PolyCollection:
     """The triangles that face the viewer, the nearest last, brighter the more they do."""
     facing = solid.face_normals() @ towards
@@ -84,10 +91,6 @@ def _shaded(
     triangles_m = solid.vertices_m[solid.faces[seen]]
     order = np.argsort(triangles_m.mean(axis=1) @ towards)
     shade = LIGHT + (1.0 - LIGHT) * facing[seen][order, None]
-    rgba = np.hstack([np.array(to_rgb(colour)) * shade, np.full((len(order), 1), alpha)])
-    return PolyCollection(
-        list(triangles_m[order][:, :, list(plane)] * 1e3),
-        facecolors=rgba,
-        edgecolors="none",
-        antialiased=alpha == 1.0,
-    )
+    colours = np.array(to_rgb(colour)) * shade
+    polygons = list(triangles_m[order][:, :, list(plane)] * 1e3)
+    return PolyCollection(polygons, facecolors=colours, edgecolors=colours, linewidths=0.2)

@@ -6,11 +6,8 @@ nor a decompression bomb can exhaust the machine.
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
@@ -28,20 +25,9 @@ from .bounded_reading import read_payload
 from .errors import VolumeError
 from .label_values import as_labels
 from .volume import Volume
+from .volume_grid import Grid, check_affine, check_shape
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr")
-
-MEMORY_SHARE = 0.4
-"""Share of the machine's memory that the voxels of a volume may take."""
-
-MOST_DEFLATED = 1040
-"""No gzip stream unfolds to more bytes per byte than this; a file that claims more is cut short."""
-
-SPACING_RANGE_M = (0.02e-3, 30e-3)
-"""Distances between voxels that a scan of a liver may have [m]."""
-
-FLAT_DETERMINANT = 1e-3
-"""Least volume of a voxel as a share of the product of its edges; below, the axes lie in one plane."""
 
 METRES_PER_UNIT = {
     "mm": 1e-3,
@@ -60,21 +46,6 @@ READER_ERRORS = (
     *(ImageFileError, HeaderDataError, HeaderTypeError, ImageDataError, WrapStructError, nrrd.NRRDError),
 )
 """What the readers may raise when fed with arbitrary bytes."""
-
-
-@dataclass(kw_only=True)
-class _Grid:
-    """What a header says, and how to fetch the voxels."""
-
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    T_lps_voxel: NDArray[np.float64]
-    fetch: Callable[[], NDArray[Any]]
-    slope: float = 1.0
-    intercept: float = 0.0
-    notices: list[str] = field(default_factory=list)
-    label_names: dict[int, str] = field(default_factory=dict)
-    is_compressed: bool = False
 
 
 def is_volume(path: str | Path) -> bool:
@@ -104,8 +75,8 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
         grid = _nifti(path) if str(path).lower().endswith((".nii", ".nii.gz")) else _nrrd(path)
     except READER_ERRORS as error:
         raise _unreadable(path, error) from error
-    shape = _check_shape(path, grid)
-    T_lps_voxel = _check_affine(path, grid, spacing_m)
+    shape = check_shape(path, grid)
+    T_lps_voxel = check_affine(path, grid, spacing_m)
     try:
         values = grid.fetch().reshape(grid.shape, order="F").reshape(shape, order="F")
     except READER_ERRORS as error:
@@ -122,7 +93,7 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
     return volume
 
 
-def _nifti(path: Path) -> _Grid:
+def _nifti(path: Path) -> Grid:
     image = nifti1.load(path) if _is_nifti1(path) else nifti2.load(path)
     header, stored = image.header, cast(Any, image.dataobj)  # its stubs know arrays alone
     unit = METRES_PER_UNIT.get(str(header.get_xyzt_units()[0]), 1e-3)
@@ -135,7 +106,7 @@ def _nifti(path: Path) -> _Grid:
             "check left and right"
         )
     slope, intercept = header.get_slope_inter()
-    return _Grid(
+    return Grid(
         shape=tuple(int(n) for n in image.shape),
         dtype=header.get_data_dtype(),
         T_lps_voxel=T,
@@ -159,7 +130,7 @@ def _is_nifti1(path: Path) -> bool:
     return 348 in sizes
 
 
-def _nrrd(path: Path) -> _Grid:
+def _nrrd(path: Path) -> Grid:
     with path.open("rb") as file:
         header = nrrd.read_header(file)
         start = file.tell()
@@ -172,7 +143,7 @@ def _nrrd(path: Path) -> _Grid:
         raise ValueError(f"{len(shape)} sizes are given for {header['dimension']} dimensions")
     T, notices = _nrrd_affine(header, len(shape))
     n_bytes = int(np.prod([max(n, 0) for n in shape], dtype=object)) * dtype.itemsize
-    return _Grid(
+    return Grid(
         shape=shape,
         dtype=dtype,
         T_lps_voxel=T,
@@ -224,77 +195,6 @@ def _segment_names(header: dict[str, Any]) -> dict[int, str]:
         if value is not None and str(value).isdecimal():
             names[int(value)] = str(name)
     return names
-
-
-def _check_shape(path: Path, grid: _Grid) -> tuple[int, int, int]:
-    """The three sizes of the grid.
-
-    Raises:
-        VolumeError: It has no three axes, no voxels, numbers that are no labels, or too many voxels.
-    """
-    shape = tuple(n for axis, n in enumerate(grid.shape) if axis < 3 or n != 1)
-    if len(shape) != 3:
-        raise VolumeError(
-            f"{path}: has {len(grid.shape)} axes, of {' x '.join(map(str, grid.shape))}; a label volume has "
-            "three. Save one of its volumes, with one label per voxel"
-        )
-    if min(shape) < 2:
-        raise VolumeError(f"{path}: {' x '.join(map(str, shape))} voxels are no volume; save the whole scan")
-    if grid.dtype.kind not in "iuf":
-        raise VolumeError(
-            f"{path}: its voxels are of type {grid.dtype}; save whole numbers, one label per voxel"
-        )
-    n_voxels = shape[0] * shape[1] * shape[2]
-    n_bytes, memory = n_voxels * (grid.dtype.itemsize + 2), MEMORY_SHARE * _memory_bytes()
-    if n_bytes > memory:
-        raise VolumeError(
-            f"{path}: {' x '.join(map(str, shape))} voxels take {n_bytes / 2**30:.3g} GiB, more than the "
-            f"{memory / 2**30:.2g} GiB that this machine can spare; crop it to the organ or resample it"
-        )
-    size = path.stat().st_size * (MOST_DEFLATED if grid.is_compressed else 1)
-    if path.suffix.lower() != ".nhdr" and n_voxels * grid.dtype.itemsize > size:
-        raise VolumeError(
-            f"{path}: the file is cut short: its {path.stat().st_size:,} bytes cannot hold "
-            f"{' x '.join(map(str, shape))} voxels; copy or download it again"
-        )
-    return shape[0], shape[1], shape[2]
-
-
-def _memory_bytes() -> int:
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (ValueError, OSError, AttributeError):
-        return 8 * 2**30
-
-
-def _check_affine(
-    path: Path, grid: _Grid, spacing_m: tuple[float, float, float] | None
-) -> NDArray[np.float64]:
-    """The map of voxels to the patient, with the spacing asked for.
-
-    Raises:
-        VolumeError: It is not finite, flat, or of an impossible spacing.
-    """
-    T = grid.T_lps_voxel.copy()
-    lengths = np.linalg.norm(T[:3, :3], axis=0)
-    is_usable = np.isfinite(T).all() and (lengths > 0.0).all()
-    if spacing_m is not None:
-        T = T if is_usable else np.eye(4)
-        T[:3, :3] *= np.asarray(spacing_m) / (lengths if is_usable else 1.0)
-        is_usable, lengths = True, np.asarray(spacing_m, dtype=np.float64)
-    low, high = SPACING_RANGE_M
-    if not is_usable or not ((lengths >= low) & (lengths <= high)).all():
-        raise VolumeError(
-            f"{path}: the voxels are {' x '.join(f'{length * 1e3:.3g}' for length in lengths)} mm by the header, "
-            f"outside {low * 1e3:g}..{high * 1e3:g} mm; pass the scan's own as --spacing-mm X Y Z"
-        )
-    if abs(np.linalg.det(T[:3, :3])) < FLAT_DETERMINANT * lengths.prod():
-        raise VolumeError(f"{path}: the header's axes lie in one plane; export the volume again")
-    if np.abs(T[:3, 3]).max() > 100.0:
-        raise VolumeError(
-            f"{path}: the header puts the volume {np.abs(T[:3, 3]).max():.3g} m away; export it again"
-        )
-    return T
 
 
 def _unreadable(path: Path, error: BaseException) -> VolumeError:

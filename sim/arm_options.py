@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from .errors import UsageError
+from .organ_pose import pose_changes
 from .scenarios import Scenario, Unit, load_scenario
 
 MAX_POSITION_MM = 10_000.0
@@ -49,9 +50,13 @@ class ReachOptions:
     """What makes a base good: the share of the poses that it reaches, or the share of the organ's inside that the
     probe's cone sees from those."""
     organ: Path | None = None
-    """Replace the scenario's organ by this mesh (STL, OBJ, PLY)."""
+    """Replace the scenario's organ by this mesh or label volume."""
     unit: Unit = "mm"
-    """Unit of the --organ file."""
+    """Unit of the --organ file, if it is a mesh."""
+    organ_label: tuple[int, ...] = ()
+    """Labels of the organ in a label volume; by default told from the labels."""
+    organ_pose: tuple[str, ...] = ()
+    """How the organ lies: see `sounding episode --help`."""
     tilt_deg: float = 0.0
     """Ask again for the poses that are not reached with the probe tilted off the normal by up to this [degrees]."""
     restarts: int = 40
@@ -103,11 +108,17 @@ class ReachOptions:
 
     def make_scenario(self) -> Scenario:
         """The scenario with what the command line changes about it."""
-        scenario = load_scenario(self.scenario)
+        scenario = dataclasses.replace(load_scenario(self.scenario), **pose_changes(self.organ_pose))
         if self.organ is None:
             return scenario
         return dataclasses.replace(
-            scenario, name=self.organ.stem, organ=str(self.organ), organ_unit=self.unit, tumour_files=()
+            scenario,
+            name=self.organ.name.split(".")[0],
+            organ=str(self.organ),
+            organ_unit=self.unit,
+            organ_labels=self.organ_label,
+            tumour_files=(),
+            tumour_labels=(),
         )
 
     def out_folder(self, scenario: Scenario) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from .smoothing import smooth_edges
 from .world.rendering import CELL_RGBA, CURRENT_RGBA, SENSED_RGBA
-from .world.scene import CONE_RGBA, ORGAN_RGBA, TUMOUR_RGBA
+from .world.scene import CONE_RGBA, KEEPOUT_RGBA, ORGAN_RGBA, STRUCTURE_RGBA, TUMOUR_RGBA
+from .world.structures import Structure
 
 LEGEND = (
     ("true tumour", TUMOUR_RGBA),
@@ -22,14 +24,20 @@ LEGEND = (
     ("sensed now", CURRENT_RGBA),
     ("organ", ORGAN_RGBA),
 )
+STRUCTURES = {
+    False: ("vessels and the like", STRUCTURE_RGBA),
+    True: ("must not be pressed", KEEPOUT_RGBA),
+}
 INK, PAPER = (28, 38, 52), (250, 251, 252)
 
 
-def captioned(pixels: NDArray[np.uint8], caption: str) -> NDArray[np.uint8]:
+def captioned(
+    pixels: NDArray[np.uint8], caption: str, structures: Sequence[Structure] = ()
+) -> NDArray[np.uint8]:
     """The picture with its edges smoothed, a caption, and the key to the colours where there is room, same shape."""
     height_px, width_px = pixels.shape[:2]
     image = Image.fromarray(smooth_edges(pixels))
-    legend = _legend()
+    legend = _legend(*{each.is_keepout: None for each in structures})
     if height_px >= 2 * legend.height and width_px >= 2 * legend.width:
         image.paste(legend, (14, height_px - 12 - legend.height), legend)
     draw = ImageDraw.Draw(image)
@@ -43,14 +51,15 @@ def _font(size_px: int) -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), size_px)
 
 
-@lru_cache(maxsize=1)
-def _legend() -> Image.Image:
-    """The key to the colours, as a translucent card."""
-    row_px, n = 24, len(LEGEND)
+@lru_cache(maxsize=4)
+def _legend(*kinds: bool) -> Image.Image:
+    """The key to the colours, as a translucent card; `kinds` of structures are those to keep away from, and others."""
+    entries = [*LEGEND, *(STRUCTURES[kind] for kind in sorted(kinds))]
+    row_px, n = 24, len(entries)
     card = Image.new("RGBA", (246, row_px * n + 14), (0, 0, 0, 0))
     draw = ImageDraw.Draw(card)
     draw.rounded_rectangle((0, 0, card.width - 1, card.height - 1), radius=8, fill=(255, 255, 255, 200))
-    for i, (label, rgba) in enumerate(LEGEND):
+    for i, (label, rgba) in enumerate(entries):
         y_px = 8 + row_px * i
         rgb = tuple(round(255 * channel) for channel in rgba[:3])
         draw.rounded_rectangle(

@@ -14,6 +14,7 @@ from planner import PlannerError
 from .arm_options import IkOptions, ReachOptions
 from .errors import UsageError
 from .options import EpisodeOptions
+from .patient_options import ExportOptions, InspectOptions
 from .replay_options import ReplayOptions
 from .report_options import ReportOptions
 from .trials_options import CompareOptions, TrialsOptions
@@ -21,7 +22,7 @@ from .view_options import ViewOptions
 from .world.errors import WorldError
 from .world.gl import adopt_mujoco_gl
 
-EXIT_NOT_REACHED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 1, 2, 130
+EXIT_NOT_REACHED, EXIT_NOT_USABLE, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 1, 1, 2, 130
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ COMMANDS = {
     "replay": ReplayOptions,
     "report": ReportOptions,
     "view": ViewOptions,
+    "inspect": InspectOptions,
+    "export": ExportOptions,
     "doctor": DoctorOptions,
 }
 DESCRIPTION = (
@@ -65,6 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _report(options)
         if isinstance(options, ViewOptions):
             return _view(options)
+        if isinstance(options, InspectOptions):
+            return _inspect(options)
+        if isinstance(options, ExportOptions):
+            return _export(options)
         if isinstance(options, TrialsOptions):
             return _trials(options)
         if isinstance(options, CompareOptions):
@@ -172,6 +179,20 @@ def _view(options: ViewOptions) -> int:
         print(run_view(options))
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
+
+
+def _inspect(options: InspectOptions) -> int:
+    from .inspection import run_inspect
+
+    inspection = run_inspect(options)
+    print(inspection.text)
+    return 0 if inspection.is_usable else EXIT_NOT_USABLE
+
+
+def _export(options: ExportOptions) -> int:
+    from .export import run_export
+
+    print(run_export(options))
     return 0
 
 

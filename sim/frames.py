@@ -17,6 +17,7 @@ from .closing import Closing
 from .episode import Episode, Step
 from .png import png_bytes
 from .world.rendering import Overlay, SceneRenderer
+from .world.structures import Structure
 
 LIKELY = 0.7
 """Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
@@ -42,9 +43,9 @@ class EpisodeFrames(Closing):
             return
         start_s = perf_counter()
         pixels = self._renderer.render(self._episode.data, self._overlay(step))
-        caption = _caption(self._episode, step)
+        caption, structures = _caption(self._episode, step), self._episode.stage.structures
         self._pending = [job for job in self._pending if not job.done() or job.result()]
-        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption))
+        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption, structures))
         self.draw_s += perf_counter() - start_s
 
     def _overlay(self, step: Step) -> Overlay:
@@ -92,6 +93,6 @@ def _caption(episode: Episode, step: Step) -> str:
     return "   ·   ".join(parts)
 
 
-def _save(path: Path, pixels: NDArray[np.uint8], caption: str) -> None:
+def _save(path: Path, pixels: NDArray[np.uint8], caption: str, structures: tuple[Structure, ...]) -> None:
     with replacing(path) as file:
-        file.write(png_bytes(captioned(pixels, caption)))
+        file.write(png_bytes(captioned(pixels, caption, structures)))

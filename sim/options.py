@@ -14,13 +14,19 @@ from mapping import MapSettings
 from planner import Planner, make_planner, planner_names
 
 from .errors import UsageError
-from .scenarios import Scenario, Unit, load_scenario
+from .organ_pose import pose_changes
+from .scenarios import GENERATED_LIVER, CodingName, MeshFrame, Scenario, Unit, load_scenario
 from .world.motion_settings import MotionSettings
 from .world.servo_settings import ServoSettings
 
 Frames = Literal["each", "last", "none"]
 MotionKind = Literal["none", "kinematic", "servo"]
 MapKept = Literal["always", "when-needed"]
+PATIENT_OPTIONS = (
+    *("tumour", "organ_label", "tumour_label", "structure", "structure_label", "keepout", "keepout_label"),
+    "spacing_mm",
+)
+"""Options that mean nothing without a patient's own files."""
 PLANNERS = ", ".join(planner_names())
 
 
@@ -33,7 +39,8 @@ class EpisodeOptions:
     """
 
     scenario: str = "liver"
-    """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, or the path of a scenario .toml."""
+    """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, generated-liver (another for each
+    seed), or the path of a scenario .toml."""
     planner: str = "find-and-outline"
     """Which planner chooses the next pose: find-and-outline, expected-improvement (the paper's), random,
     multi-resolution."""
@@ -74,11 +81,38 @@ class EpisodeOptions:
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s], which adds to the procedure's."""
     organ: Path | None = None
-    """Replace the scenario's organ by this mesh (STL, OBJ, PLY)."""
+    """Replace the scenario's organ by this mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd)."""
     tumour: tuple[Path, ...] = ()
-    """Meshes of the true tumours in the organ's coordinates. With --organ and none of these there is no tumour."""
+    """Meshes or label volumes of the true tumours, in the organ's coordinates, besides those in the organ's volume."""
+    n_tumours: int | None = None
+    """Tumours to generate where no file holds any. The scenario's by default, with --organ none."""
     unit: Unit = "mm"
-    """Unit of the --organ and --tumour files."""
+    """Unit of mesh files."""
+    mesh_frame: MeshFrame = "auto"
+    """Axes of mesh files: lps, ras, or auto for what the file's header says, else lps."""
+    coding: CodingName = "auto"
+    """What a label volume's numbers mean: lits, msd-liver, 3d-ircadb, totalsegmentator, or auto to tell from the
+    labels."""
+    organ_label: tuple[int, ...] = ()
+    """Labels of the organ, in place of the coding's; tumours are added to it."""
+    tumour_label: tuple[int, ...] = ()
+    """Labels of tumours, in place of the coding's."""
+    structure: tuple[Path, ...] = ()
+    """Meshes or masks of vessels and other structures: shown, and measured to."""
+    structure_label: tuple[int, ...] = ()
+    """Labels of such structures."""
+    keepout: tuple[Path, ...] = ()
+    """Meshes or masks of structures near which the probe must not press."""
+    keepout_label: tuple[int, ...] = ()
+    """Labels of such structures."""
+    keepout_mm: float = 5.0
+    """How near [mm]."""
+    spacing_mm: tuple[float, float, float] | None = None
+    """Distances between a label volume's voxels [mm] in place of its header's, where that is wrong."""
+    organ_pose: tuple[str, ...] = ()
+    """How the organ lies; anterior up on the table by default. `best`: whichever way up brings the largest surface
+    within the arm's reach. Three numbers: turned from anterior up about the world's x, y and z [degrees]. Seven:
+    position [mm] and quaternion (wxyz) of the files' LPS axes in the world."""
     frames: Frames = "none"
     """Pictures of the scene: each (one per action), last (the final one), none."""
     report: bool = True
@@ -140,26 +174,48 @@ class EpisodeOptions:
             raise UsageError(
                 "--motion servo: a free-flying probe has no servos. Name an arm, or leave --motion out."
             )
-        if self.tumour and self.organ is None:
-            raise UsageError("--tumour goes with --organ, in whose coordinates the tumours lie.")
+        for name in PATIENT_OPTIONS:
+            if getattr(self, name) and self.organ is None:
+                flag = name.replace("_", "-")
+                raise UsageError(f"--{flag} goes with --organ, the file of the patient that it tells about.")
 
     def make_scenario(self) -> Scenario:
         """The scenario with what the command line changes about it."""
         scenario = load_scenario(self.scenario)
-        changes: dict[str, Any] = {}
+        changes: dict[str, Any] = pose_changes(self.organ_pose)
+        if scenario.organ == GENERATED_LIVER and scenario.organ_seed is None:
+            changes["organ_seed"] = self.seed
         if self.cone_half_angle_deg is not None:
             changes["cone_half_angle_rad"] = math.radians(self.cone_half_angle_deg)
         if self.cone_depth_mm is not None:
             changes["cone_depth_m"] = self.cone_depth_mm * 1e-3
+        if self.n_tumours is not None:
+            changes |= {"n_tumours": self.n_tumours, "tumour_load": "fixed"}
         if self.organ is not None:
-            changes |= {
-                "name": self.organ.stem,
-                "organ": str(self.organ),
-                "organ_unit": self.unit,
-                "tumour_files": tuple(str(file) for file in self.tumour),
-                "n_tumours": 0,
-            }
+            changes |= self._organ_changes(self.organ)
         return dataclasses.replace(scenario, **changes)
+
+    def _organ_changes(self, organ: Path) -> dict[str, Any]:
+        """Fields of the scenario that the files of a patient replace."""
+        spacing = self.spacing_mm
+        return {
+            "name": organ.name.split(".")[0],
+            "organ": str(organ),
+            "organ_unit": self.unit,
+            "organ_frame": self.mesh_frame,
+            "tumour_files": tuple(str(file) for file in self.tumour),
+            "structure_files": tuple(str(file) for file in self.structure),
+            "keepout_files": tuple(str(file) for file in self.keepout),
+            "keepout_distance_m": self.keepout_mm * 1e-3,
+            "label_coding": self.coding,
+            "organ_labels": self.organ_label,
+            "tumour_labels": self.tumour_label,
+            "structure_labels": self.structure_label,
+            "keepout_labels": self.keepout_label,
+            "voxel_spacing_m": None if spacing is None else tuple(each * 1e-3 for each in spacing),
+            "n_tumours": self.n_tumours or 0,
+            "tumour_load": "fixed",
+        }
 
     def make_motion_settings(self) -> MotionSettings:
         """The motion's settings."""

@@ -30,6 +30,10 @@ WRITTEN = (
     "states.csv",
     "summary.json",
     "map.npz",
+    "map_probability.nii.gz",
+    "map_standard_deviation.nii.gz",
+    "map_labels.nii.gz",
+    "structures.csv",
     "anatomy.npz",
     "reach.csv",
     "reach.parquet",
@@ -89,6 +93,10 @@ class RunFolder(ClaimedFolder):
     def write_text(self, name: str, text: str) -> None:
         """Replace a text file at once."""
         self._replace(name, text.encode())
+
+    def write_bytes(self, name: str, content: bytes) -> None:
+        """Replace a file at once."""
+        self._replace(name, content)
 
     def write_arrays(self, name: str, *, compressed: bool, **arrays: NDArray[Any]) -> None:
         """Replace an npz file at once."""

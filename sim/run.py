@@ -24,6 +24,7 @@ from .recording import RunFolder
 from .run_figures import draw_run_figures
 from .run_files import run_config, write_map, write_step
 from .stage import Stage, build_stage
+from .structure_distances import distance_rows
 from .tally import Tally, episode_summary
 from .trajectories import write_anatomy, write_motion
 from .world.arm import ArmModel
@@ -159,6 +160,8 @@ class _Recording:
             "wall_s": perf_counter() - start_s,
         }
         write_map(folder, episode, is_final=True)
+        for row in distance_rows(episode):
+            folder.append_row("structures.csv", row)
         if tally.steps:
             draw_run_figures(folder.path, episode, tally.steps)
         summary |= self._publish(summary)

@@ -13,6 +13,7 @@ from planner.acquisition import expected_improvement
 
 from .episode import Episode, Step
 from .map_history import write_history
+from .map_volumes import MapArrays, map_volumes
 from .options import EpisodeOptions
 from .poses import POSES_CSV, pose_row
 from .recording import RunFolder
@@ -28,6 +29,8 @@ def run_config(options: EpisodeOptions, stage: Stage, map_settings: Any) -> dict
         "scenario": dataclasses.asdict(stage.scenario),
         "map": dataclasses.asdict(map_settings),
         "T_world_organ": stage.T_world_organ,
+        "T_input_world": np.linalg.inv(stage.T_world_organ),
+        "input_axes": "LPS [m]: +x left, +y back, +z head of the patient; NIfTI has RAS [mm]",
         "n_poses": stage.workspace.n_poses,
         "n_hinges": int(stage.hinge_mask.sum()),
         "n_search_points": len(stage.search_points_m),
@@ -95,7 +98,7 @@ def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
 
 
 def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
-    """Write the map as arrays on the query lattice; NaN outside the organ."""
+    """Write the map as arrays on the query lattice, NaN outside the organ, and the final one as NIfTI too."""
     stage, prediction = episode.stage, episode.prediction
     if prediction is None:
         return
@@ -106,15 +109,24 @@ def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
         return field_values.reshape(stage.query.shape)
 
     x_m, y_m, z_m = stage.query.axes_m
+    arrays = MapArrays(
+        axes_m=(x_m, y_m, z_m),
+        probability=on_lattice(prediction.probability, np.nan),
+        latent_variance=on_lattice(prediction.latent_variance, np.nan),
+        is_inside=stage.is_inside.reshape(stage.query.shape),
+    )
     folder.write_arrays(
         "map.npz",
         compressed=is_final,
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
-        probability=on_lattice(prediction.probability, np.nan),
+        probability=arrays.probability,
         latent_mean=on_lattice(prediction.latent_mean, np.nan),
-        latent_variance=on_lattice(prediction.latent_variance, np.nan),
+        latent_variance=arrays.latent_variance,
         is_tumour=on_lattice(episode.truth.is_tumour, False),
-        is_inside=stage.is_inside.reshape(stage.query.shape),
+        is_inside=arrays.is_inside,
     )
+    if is_final:
+        for name, content in map_volumes(arrays, stage.T_world_organ).items():
+            folder.write_bytes(name, content)

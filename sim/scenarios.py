@@ -10,11 +10,14 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from .errors import UsageError
+from .world.file_kinds import CodingName, MeshFrame, Unit
 
 TumourShape = Literal["sphere", "lobulated"]
-Unit = Literal["mm", "m"]
+TumourLoad = Literal["fixed", "lits"]
+Placing = Literal["table", "best"]
 PAPER_ORGAN = "paper-organ"
 LIVER = "liver"
+GENERATED_LIVER = "generated-liver"
 PAPER_UNIT_M = 0.03
 """One unit of length of the paper; see docs/architecture.md."""
 
@@ -31,13 +34,39 @@ class Scenario:
     name: str = "scenario"
     """Name under which results are kept."""
     organ: str = LIVER
-    """`liver` (the embedded one), `paper-organ` (the paper's synthetic surface), or the path of a mesh."""
+    """`liver` (the embedded one), `generated-liver` (one of its own for each seed), `paper-organ` (the paper's
+    synthetic surface), or the path of a mesh or a label volume."""
+    organ_seed: int | None = None
+    """Seed of a generated liver; by default the episode's, so that every seed has another."""
     organ_unit: Unit = "mm"
-    """Unit of mesh files: of `organ` and of `tumour_files` alike."""
+    """Unit of all mesh files."""
+    organ_frame: MeshFrame = "auto"
+    """Axes of mesh files: lps, ras, or auto for what the file's header says, else lps."""
     tumour_files: tuple[str, ...] = ()
-    """Meshes of the true tumours, in the organ's coordinates. None: tumours are planted by seed."""
+    """Meshes or label volumes of the true tumours, in the organ's coordinates. Where no file holds any, tumours are
+    planted by seed."""
+    structure_files: tuple[str, ...] = ()
+    """Meshes or masks of vessels and other structures to show, in the organ's coordinates."""
+    keepout_files: tuple[str, ...] = ()
+    """Those that the probe must not press."""
+    keepout_distance_m: float = 0.005
+    """Poses closer than this to one of these are left out [m]."""
+    label_coding: CodingName = "auto"
+    """What a label volume's numbers mean: the name of a published coding, or auto."""
+    organ_labels: tuple[int, ...] = ()
+    """Labels of the organ, in place of the coding's."""
+    tumour_labels: tuple[int, ...] = ()
+    """Labels of tumours, in place of the coding's."""
+    structure_labels: tuple[int, ...] = ()
+    """Labels of structures to show."""
+    keepout_labels: tuple[int, ...] = ()
+    """Labels of structures that the probe must not press."""
+    voxel_spacing_m: tuple[float, float, float] | None = None
+    """Distances between voxels [m] in place of the label volume's own."""
     n_tumours: int = 3
-    """Tumours to plant where no files are given; 0 is allowed."""
+    """Tumours to plant where no file holds any; 0 is allowed."""
+    tumour_load: TumourLoad = "fixed"
+    """`fixed`: `n_tumours` of them. `lits`: number and diameters are drawn by seed as LiTS has them."""
     tumour_shape: TumourShape = "lobulated"
     """Planted tumours are `sphere`s of one radius or `lobulated` shapes of many sizes."""
     tumour_radius_m: float = 0.4 * PAPER_UNIT_M
@@ -56,6 +85,10 @@ class Scenario:
     """Where the organ's own origin lies in the world [m]; by default the organ is laid on the table."""
     organ_quaternion: tuple[float, float, float, float] | None = None
     """Orientation of the organ's axes in the world (wxyz), together with `organ_position_m`."""
+    organ_turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """How the organ on the table is turned from anterior up: about the world's x, then y, then z [rad]."""
+    organ_placing: Placing = "table"
+    """`table`: as turned. `best`: whichever way up brings the largest surface within the arm's reach."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
@@ -66,11 +99,11 @@ class Scenario:
             value = getattr(self, name)
             _require(type(value) in (int, float), f"{name}={value!r}: a number.")
         _require(0 <= self.n_tumours <= 50, f"n_tumours={self.n_tumours}: from 0 to 50.")
+        self._check_files()
         _require(
             self.tumour_shape in get_args(TumourShape),
             f"tumour_shape={self.tumour_shape!r}: sphere or lobulated.",
         )
-        _require(self.organ_unit in get_args(Unit), f"organ_unit={self.organ_unit!r}: mm or m.")
         _require(
             0.001 <= self.tumour_radius_m <= 0.1,
             f"tumour_radius_m={self.tumour_radius_m}: from 0.001 to 0.1 m.",
@@ -93,13 +126,47 @@ class Scenario:
         if (self.organ_position_m is None) != (self.organ_quaternion is None):
             raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
 
+    def _check_files(self) -> None:
+        kinds = {"organ_unit": Unit, "organ_frame": MeshFrame, "label_coding": CodingName}
+        kinds |= {"tumour_load": TumourLoad, "organ_placing": Placing}
+        for name, kind in kinds.items():
+            value, known = getattr(self, name), get_args(kind)
+            _require(value in known, f"{name}={value!r}: {' or '.join(known)}.")
+        for name in ("organ_labels", "tumour_labels", "structure_labels", "keepout_labels"):
+            labels = getattr(self, name)
+            is_labels = all(type(each) is int and 1 <= each <= 65_535 for each in labels)
+            _require(is_labels, f"{name}={labels}: whole numbers from 1 to 65535.")
+        _require(
+            0.0 <= self.keepout_distance_m <= 0.1,
+            f"keepout_distance_m={self.keepout_distance_m}: from 0 to 0.1 m.",
+        )
+        _require(
+            len(self.organ_turn_rad) == 3 and all(math.isfinite(each) for each in self.organ_turn_rad),
+            f"organ_turn_rad={self.organ_turn_rad}: three angles.",
+        )
+        _require(
+            self.organ_seed is None or (type(self.organ_seed) is int and self.organ_seed >= 0),
+            f"organ_seed={self.organ_seed}: a whole number from 0 on.",
+        )
+        spacing_m = self.voxel_spacing_m
+        if spacing_m is not None:
+            is_spacing = len(spacing_m) == 3 and all(2e-5 <= each <= 0.03 for each in spacing_m)
+            _require(is_spacing, f"voxel_spacing_m={spacing_m}: three lengths from 0.00002 to 0.03 m.")
+
 
 SCENARIOS: dict[str, Scenario] = {
     "sphere": Scenario(name="sphere", organ=PAPER_ORGAN, n_tumours=1, tumour_shape="sphere"),
     "spheres": Scenario(name="spheres", organ=PAPER_ORGAN, n_tumours=3, tumour_shape="sphere"),
     "liver": Scenario(name="liver", cone_half_angle_rad=math.radians(15.0), cone_depth_m=0.13),
+    "generated-liver": Scenario(
+        name="generated-liver",
+        organ=GENERATED_LIVER,
+        tumour_load="lits",
+        cone_half_angle_rad=math.radians(15.0),
+        cone_depth_m=0.13,
+    ),
 }
-"""The paper's scenario 1 and 2 and, in place of its LiTS case, the embedded liver.
+"""The paper's scenario 1 and 2; in place of its LiTS case, the embedded liver; and a liver of its own for each seed.
 
 The paper does not state its cone. For the synthetic organ it is pinned down by the baselines; for the liver it is that
 of an abdominal probe, 130 mm deep and 70 mm wide at that depth.
@@ -139,10 +206,11 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
             raise UsageError(f"{path}: unknown key {key!r}. Known keys: base, {', '.join(known)}.")
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     values.setdefault("name", path.stem)
-    if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN):
+    if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN, GENERATED_LIVER):
         values["organ"] = str(path.parent / str(values["organ"]))
-    if "tumour_files" in values:
-        values["tumour_files"] = tuple(str(path.parent / file) for file in values["tumour_files"])
+    for key in ("tumour_files", "structure_files", "keepout_files"):
+        if key in values:
+            values[key] = tuple(str(path.parent / file) for file in values[key])
     try:
         return dataclasses.replace(SCENARIOS[base] if base else Scenario(), **values)
     except (TypeError, UsageError) as error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +10,29 @@ from numpy.typing import NDArray
 from mapping import Lattice, MapSettings
 from planner import Cone, Workspace, visible_points
 
+from .best_pose import best_turn_rad
 from .carrier import ArmCarrier, Carrier, FreeCarrier
-from .scenarios import LIVER, PAPER_ORGAN, Scenario
+from .scenarios import GENERATED_LIVER, LIVER, PAPER_ORGAN, Scenario
 from .world.anatomy import build_anatomy
+from .world.anatomy_files import AnatomyFiles, LoadedAnatomy, load_anatomy
 from .world.arm import MODELS_DIR, ArmModel
 from .world.distance_grid import DistanceGrid
+from .world.errors import MeshError
 from .world.footing import check_footing
-from .world.meshes import load_mesh
+from .world.label_coding import LabelChoice
+from .world.liver_generator import make_liver
 from .world.paper_organ import paper_organ
-from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose
+from .world.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose, turned
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
+from .world.structures import Structure, is_pressable
 from .world.surface import SensingSurface, upper_surface_workspace
 from .world.surface_distance import SurfaceDistance
 
 GRID_MARGIN_M = 0.002
 """The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
+GENERATOR_STREAM = 1
+"""Keeps the draws of a generated liver apart from those of the seed's tumours."""
 HINGE_REACH = 2.0
 """Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
 PAPER_QUERY = (22, 22, 13)
@@ -41,7 +47,11 @@ class Stage:
     organ: Solid
     """World frame [m]."""
     given_tumours: tuple[Solid, ...]
-    """Tumours that the scenario names by file, world frame [m]; empty where they are planted."""
+    """Tumours that the scenario's files hold, world frame [m]; empty where they are planted."""
+    tumour_names: tuple[str, ...]
+    """What to call each of these in messages."""
+    structures: tuple[Structure, ...]
+    """Vessels and the like, world frame [m]."""
     T_world_organ: NDArray[np.float64]
     """Maps the organ file's coordinates [m] to the world, shape (4, 4)."""
     workspace: Workspace
@@ -77,11 +87,13 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
     Raises:
         WorldError: A mesh or an arm that cannot be used.
     """
-    placed, notices = placed_organ(scenario)
+    placed, notices = placed_organ(scenario, arm)
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    empty = build_anatomy(organ, name=scenario.name, rng=np.random.default_rng(0))
+    empty = build_anatomy(
+        organ, name=scenario.name, rng=np.random.default_rng(0), structures=placed.structures
+    )
     scene = build_scene(empty, cone, arm=arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
     organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
@@ -95,6 +107,8 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
         scenario=scenario,
         organ=organ,
         given_tumours=placed.tumours,
+        tumour_names=placed.tumour_names,
+        structures=placed.structures,
         T_world_organ=placed.T_world_organ,
         workspace=workspace,
         cone=cone,
@@ -121,33 +135,66 @@ def _hinge_mask(
     return organ_distance.distance_m(hinges.points_m()) <= reach_m
 
 
-def placed_organ(scenario: Scenario) -> tuple[PlacedOrgan, tuple[str, ...]]:
-    """Organ and given tumours in the world, and the notices of their files.
+def placed_organ(scenario: Scenario, arm: ArmModel | None = None) -> tuple[PlacedOrgan, tuple[str, ...]]:
+    """Organ, given tumours and structures in the world, and the notices of their files.
+
+    Args:
+        scenario: The case.
+        arm: What shall reach the organ, where it is to be placed for that.
 
     Raises:
-        WorldError: A mesh that cannot be used.
+        WorldError: A file that cannot be used.
+    """
+    loaded = load_scenario_anatomy(scenario)
+    placed = _put_in_world(scenario, loaded, arm)
+    placed = placed.with_structures(loaded.structures).with_tumour_names(loaded.tumour_names)
+    return placed, loaded.notices
+
+
+def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
+    """The anatomy of a scenario in its own coordinates.
+
+    Raises:
+        WorldError: A file that cannot be used.
     """
     if scenario.organ == PAPER_ORGAN:
-        organ, notices = paper_organ().solid, []
-    else:
-        path = MODELS_DIR / "liver.stl" if scenario.organ == LIVER else Path(scenario.organ)
-        loaded = load_mesh(path, "mm" if scenario.organ == LIVER else scenario.organ_unit)
-        organ, notices = Solid.from_trimesh(loaded.mesh), list(loaded.notices)
-    tumours: tuple[Solid, ...] = ()
-    for file in scenario.tumour_files:
-        loaded = load_mesh(Path(file), scenario.organ_unit, role="tumour")
-        tumours += (Solid.from_trimesh(loaded.mesh),)
-        notices += loaded.notices
-    return _put_in_world(scenario, organ, tumours), tuple(notices)
+        return LoadedAnatomy(organ=paper_organ().solid)
+    if scenario.organ == GENERATED_LIVER:
+        seed = scenario.organ_seed or 0
+        return LoadedAnatomy(organ=make_liver(np.random.default_rng((seed, GENERATOR_STREAM))))
+    if scenario.organ == LIVER:
+        return load_anatomy(AnatomyFiles(organ=str(MODELS_DIR / "liver.stl")))
+    return load_anatomy(
+        AnatomyFiles(
+            organ=scenario.organ,
+            tumours=scenario.tumour_files,
+            structures=scenario.structure_files,
+            keepouts=scenario.keepout_files,
+            unit=scenario.organ_unit,
+            frame=scenario.organ_frame,
+            labels=LabelChoice(
+                coding=scenario.label_coding,
+                organ=scenario.organ_labels,
+                tumours=scenario.tumour_labels,
+                structures=scenario.structure_labels,
+                keepouts=scenario.keepout_labels,
+            ),
+            spacing_m=scenario.voxel_spacing_m,
+        )
+    )
 
 
-def _put_in_world(scenario: Scenario, organ: Solid, tumours: tuple[Solid, ...]) -> PlacedOrgan:
+def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | None) -> PlacedOrgan:
+    organ, tumours = loaded.organ, loaded.tumours
     if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
         T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
         return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
     if scenario.organ == PAPER_ORGAN:  # its axes are the world's already: z is up
         return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
-    return lay_on_table(organ, tumours)
+    turn_rad = scenario.organ_turn_rad
+    if scenario.organ_placing == "best":
+        turn_rad = best_turn_rad(organ, arm)
+    return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
 
 
 def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
@@ -156,7 +203,15 @@ def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
         surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
     else:
         surface = upper_surface_workspace(placed.organ, scenario.n_poses, rng=np.random.default_rng(0))
-    return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+    is_clear = is_pressable(surface.positions_m, placed.structures, scenario.keepout_distance_m)
+    if is_clear.all():
+        return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+    if not is_clear.any():
+        raise MeshError(
+            f"no pose is left: all lie within {scenario.keepout_distance_m * 1e3:g} mm of what must not be "
+            "pressed; lower --keepout-mm, or name fewer structures"
+        )
+    return Workspace(surface.positions_m[is_clear], surface.normals[is_clear])
 
 
 def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:

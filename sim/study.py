@@ -23,8 +23,8 @@ NOT_AXES = ("out", "overwrite", "frames", "report")
 STAGE_OPTIONS = (
     "scenario",
     "organ",
-    "tumour",
-    "unit",
+    *("tumour", "n_tumours", "unit", "mesh_frame", "coding", "organ_label", "tumour_label", "spacing_mm"),
+    *("structure", "structure_label", "keepout", "keepout_label", "keepout_mm", "organ_pose"),
     "cone_half_angle_deg",
     "cone_depth_mm",
     "arm",
@@ -215,7 +215,11 @@ def _converted(kind: Any, value: Any) -> Any:
     if typing.get_origin(kind) is Literal:
         return value if value in typing.get_args(kind) else None
     if typing.get_origin(kind) is tuple:
-        return tuple(map(Path, value)) if isinstance(value, list | tuple) else None
+        if not isinstance(value, list | tuple):
+            return None
+        item = typing.get_args(kind)[0]
+        items = tuple(_converted(item, each) for each in value)
+        return None if None in items else items
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if kind is Path and isinstance(value, str | Path):
@@ -247,5 +251,5 @@ def _described(values: Values) -> Any:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
-        return [str(each) for each in value]
+        return [_plain(each) for each in value]
     return str(value) if isinstance(value, Path) else value

@@ -64,7 +64,7 @@ def build_theatre(scenario: Scenario, arm: ArmModel) -> Theatre:
     Raises:
         WorldError: A mesh or an arm that cannot be used.
     """
-    placed, notices = placed_organ(scenario)
+    placed, notices = placed_organ(scenario, arm)
     scene = _scene(scenario, placed, arm)
     organ_distance = DistanceGrid.from_solid(placed.organ, margin_m=ORGAN_MARGIN_M)
     check_footing(scene, organ_distance)

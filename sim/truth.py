@@ -13,7 +13,8 @@ from .stage import Stage
 from .world.anatomy import Anatomy, build_anatomy
 from .world.scene import Scene, build_scene
 from .world.solid import Solid
-from .world.tumours import plant_lobulated, plant_spheres
+from .world.tumour_load import draw_lits_diameters
+from .world.tumours import plant_load, plant_lobulated, plant_spheres
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,7 +51,8 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
         tumours,
         name=stage.scenario.name,
         rng=points_rng,
-        tumour_names=stage.scenario.tumour_files or None,
+        tumour_names=stage.tumour_names or None,
+        structures=stage.structures,
     )
     points_m = anatomy.detection_points_m
     fraction = _attainable_fraction(stage, points_m) if len(points_m) else None
@@ -64,7 +66,10 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
 
 def _planted(stage: Stage, rng: np.random.Generator) -> tuple[Solid, ...]:
     scenario = stage.scenario
-    if scenario.n_tumours == 0:
+    diameters_m: list[float] | None = None
+    if scenario.tumour_load == "lits":
+        diameters_m = draw_lits_diameters(rng)
+    elif scenario.n_tumours == 0:
         return ()
 
     attainable_fraction = partial(_attainable_fraction, stage)
@@ -76,6 +81,8 @@ def _planted(stage: Stage, rng: np.random.Generator) -> tuple[Solid, ...]:
             rng=rng,
             is_attainable=attainable_fraction,
         )
+    if diameters_m is not None:
+        return plant_load(stage.organ, diameters_m, rng=rng, is_attainable=attainable_fraction)
     return plant_lobulated(
         stage.organ,
         scenario.n_tumours,

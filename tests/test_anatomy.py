@@ -3,8 +3,9 @@ import pytest
 import trimesh
 
 from sim.world.anatomy import build_anatomy
-from sim.world.anatomy_files import load_anatomy
-from sim.world.errors import AnatomyError, MeshError, PlacementError
+from sim.world.anatomy_files import AnatomyFiles, load_anatomy
+from sim.world.errors import AnatomyError, MeshError
+from sim.world.placement import lay_on_table
 from sim.world.solid import Solid
 
 
@@ -91,32 +92,24 @@ def files(tmp_path):
 
 
 def test_files_are_laid_on_the_table_with_their_tumours(files):
-    anatomy, placed = load_anatomy(files[0], [files[1]], rng=rng())
-    assert anatomy.name == "organ"
-    assert anatomy.organ.bounds_m == pytest.approx(
+    loaded = load_anatomy(AnatomyFiles(organ=str(files[0]), tumours=(str(files[1]),)))
+    placed = lay_on_table(loaded.organ, loaded.tumours)
+    assert placed.organ.bounds_m == pytest.approx(
         np.array([[0.42, -0.05, 0.0], [0.58, 0.05, 0.12]]), abs=1e-7
     )
     # left 30, back -40, head 20 of the middle: x + 0.03, z + 0.04 (front up), y + 0.02
-    assert anatomy.tumours[0].bounds_m.mean(axis=0) == pytest.approx([0.53, 0.02, 0.10], abs=1e-6)
+    assert placed.tumours[0].bounds_m.mean(axis=0) == pytest.approx([0.53, 0.02, 0.10], abs=1e-6)
     assert placed.T_world_organ @ [0.03, -0.04, 0.02, 1.0] == pytest.approx([0.53, 0.02, 0.10, 1.0], abs=1e-7)
-
-
-def test_files_go_where_a_pose_says(files):
-    T = np.eye(4)
-    T[:3, 3] = [0.4, 0.1, 0.3]
-    anatomy, _ = load_anatomy(files[0], [files[1]], rng=rng(), T_world_organ=T)
-    assert anatomy.organ.bounds_m.mean(axis=0) == pytest.approx([0.4, 0.1, 0.3], abs=1e-7)
-    with pytest.raises(PlacementError, match="4 x 4"):
-        load_anatomy(files[0], rng=rng(), T_world_organ=np.eye(3))
 
 
 def test_a_tumour_file_in_another_unit_is_refused_with_the_remedy(files, tmp_path):
     small = trimesh.creation.icosphere(radius=0.008)
     small.export(tmp_path / "metres.stl")
     with pytest.raises(MeshError, match=r"metres\.stl: .* tumour is 0\.016 mm long.*--unit m"):
-        load_anatomy(files[0], [tmp_path / "metres.stl"], rng=rng())
+        load_anatomy(AnatomyFiles(organ=str(files[0]), tumours=(str(tmp_path / "metres.stl"),)))
 
 
 def test_the_same_seed_gives_the_same_detection_points(files):
-    one, other = (load_anatomy(files[0], [files[1]], rng=rng())[0] for _ in range(2))
+    loaded = load_anatomy(AnatomyFiles(organ=str(files[0]), tumours=(str(files[1]),)))
+    one, other = (build_anatomy(loaded.organ, loaded.tumours, name="x", rng=rng()) for _ in range(2))
     assert np.array_equal(one.detection_points_m, other.detection_points_m)

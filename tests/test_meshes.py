@@ -251,7 +251,7 @@ def test_the_readers_own_tracebacks_do_not_reach_the_user(tmp_path, caplog):
 
 def test_truncated_and_flipped_files_never_give_another_error(tmp_path):
     rng = np.random.default_rng(3)
-    for suffix in ("stl", "obj", "ply"):
+    for suffix in ("stl", "obj", "ply", "glb"):
         path = tmp_path / f"organ.{suffix}"
         ball_mm(subdivisions=1).export(path)
         content = path.read_bytes()
@@ -277,7 +277,7 @@ def test_a_missing_file_a_folder_and_another_format_are_refused(tmp_path):
         load_mesh(tmp_path)
     (tmp_path / "organ.step").write_text("x")
     with pytest.raises(
-        MeshError, match=r"format '\.step' is not read; convert to one of \.stl, \.obj, \.ply"
+        MeshError, match=r"format '\.step' is not read; convert to one of \.stl, \.obj, \.ply, \.glb, \.gltf"
     ):
         load_mesh(tmp_path / "organ.step")
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import AnatomyError, MeshError
 from .solid import Solid, check_points
+from .structures import Structure
 
 N_DETECTION_POINTS = 500
 """Points per tumour whose share within the cones is the paper's measure of detection."""
@@ -38,6 +39,7 @@ class Anatomy:
         notices: What a user should know of it, one sentence each.
         detection_points_m: Points drawn evenly inside each tumour and the organ [m], shape (D, 3).
         detection_tumours: Index of the tumour each of these lies in, shape (D,).
+        structures: Vessels and the like, in the same frame.
     """
 
     organ: Solid
@@ -46,6 +48,7 @@ class Anatomy:
     notices: tuple[str, ...]
     detection_points_m: NDArray[np.float64]
     detection_tumours: NDArray[np.int64]
+    structures: tuple[Structure, ...] = ()
 
     def is_inside_organ(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """True for each point inside the organ. Points [m], shape (N, 3); result shape (N,)."""
@@ -87,6 +90,7 @@ def build_anatomy(
     notices: tuple[str, ...] = (),
     tumour_names: tuple[str, ...] | None = None,
     n_detection_points: int = N_DETECTION_POINTS,
+    structures: tuple[Structure, ...] = (),
 ) -> Anatomy:
     """An anatomy whose tumours have been checked to lie in the organ.
 
@@ -98,6 +102,7 @@ def build_anatomy(
         notices: What is to be said of it already, for instance by the loader.
         tumour_names: What to call each tumour in messages; "tumour 1", "tumour 2", ... by default.
         n_detection_points: Detection points per tumour.
+        structures: What lies in or about the organ, in the same frame.
 
     Returns:
         The anatomy.
@@ -120,7 +125,7 @@ def build_anatomy(
     tumour_index = np.repeat(np.arange(len(tumours)), n_detection_points)
     points_m.setflags(write=False)
     tumour_index.setflags(write=False)
-    return Anatomy(organ, tuple(tumours), name, tuple(remarks), points_m, tumour_index)
+    return Anatomy(organ, tuple(tumours), name, tuple(remarks), points_m, tumour_index, tuple(structures))
 
 
 def _draw_inside(

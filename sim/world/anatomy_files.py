@@ -1,54 +1,176 @@
-"""An anatomy from mesh files: loaded, laid on the table and checked."""
+"""Organ, tumours and structures from files: meshes, label volumes, or both, in one frame.
 
-from collections.abc import Sequence
+All coordinates are those of the files in metres, taken for patient axes (LPS: +x left, +y back, +z head). Label
+volumes say where they lie; meshes are LPS unless their header or the user says RAS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from .anatomy import Anatomy, build_anatomy
-from .meshes import Unit, load_mesh
-from .placement import PlacedOrgan, lay_on_table, put_at_pose
+from .errors import MeshError, VolumeError
+from .file_kinds import MeshFrame, Unit
+from .label_anatomy import LabelledAnatomy, anatomy_of, shifted, tumour_pieces
+from .label_coding import CODINGS, Coding, LabelChoice, coding_of
+from .label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
+from .meshes import load_mesh, load_surface, remarks_on_size
+from .solid import Solid
+from .structures import Structure
+from .volume import Volume
+from .volume_files import is_volume, load_volume
 
 
-def load_anatomy(
-    organ_path: str | Path,
-    tumour_paths: Sequence[str | Path] = (),
-    *,
-    unit: Unit = "mm",
-    rng: np.random.Generator,
-    T_world_organ: ArrayLike | None = None,
-    name: str | None = None,
-) -> tuple[Anatomy, PlacedOrgan]:
-    """The anatomy held by mesh files, placed in the world.
+@dataclass(frozen=True, kw_only=True)
+class AnatomyFiles:
+    """Which files hold an anatomy, and how to read them."""
 
-    Args:
-        organ_path: The organ's STL, OBJ or PLY file.
-        tumour_paths: One file per tumour, in the organ's frame; none is allowed.
-        unit: Unit of all files, "mm" or "m".
-        rng: Source of the detection points.
-        T_world_organ: Pose of the files' frame in the world; by default LPS axes are laid on the table.
-        name: What to call it; the organ file's stem by default.
+    organ: str
+    """Mesh or label volume of the organ."""
+    tumours: tuple[str, ...] = ()
+    """Meshes or label volumes of tumours, besides those that the organ's volume holds."""
+    structures: tuple[str, ...] = ()
+    """Meshes or masks of structures to show."""
+    keepouts: tuple[str, ...] = ()
+    """Meshes or masks of structures to keep away from."""
+    unit: Unit = "mm"
+    """Unit of meshes."""
+    frame: MeshFrame = "auto"
+    """Axes of meshes: lps, ras, or auto for what the file says, else lps."""
+    labels: LabelChoice = field(default_factory=LabelChoice)
+    """What the labels of volumes mean."""
+    spacing_m: tuple[float, float, float] | None = None
+    """Distances between voxels in place of the header's [m]."""
 
-    Returns:
-        The anatomy in the world, and how it was placed.
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadedAnatomy:
+    """An anatomy in the coordinates of its files, LPS [m].
+
+    Attributes:
+        organ: The organ.
+        tumours: Its tumours.
+        tumour_names: What to call each.
+        structures: What else there is.
+        notices: One sentence for each repair, assumption and remarkable property.
+    """
+
+    organ: Solid
+    tumours: tuple[Solid, ...] = ()
+    tumour_names: tuple[str, ...] = ()
+    structures: tuple[Structure, ...] = ()
+    notices: tuple[str, ...] = ()
+
+
+def load_anatomy(files: AnatomyFiles) -> LoadedAnatomy:
+    """The anatomy that files hold.
 
     Raises:
-        WorldError: A file cannot be used, a tumour lies mostly outside the organ, or the pose is not rigid.
+        WorldError: A file cannot be used.
     """
-    loaded = [load_mesh(organ_path, unit, role="organ")]
-    loaded += [load_mesh(path, unit, role="tumour") for path in tumour_paths]
-    organ, *tumours = [each.solid for each in loaded]
-    if T_world_organ is None:
-        placed = lay_on_table(organ, tuple(tumours))
+    notices: list[str] = []
+    if is_volume(files.organ):
+        found = _labelled(files, notices)
     else:
-        placed = put_at_pose(organ, tuple(tumours), T_world_organ=T_world_organ)
-    anatomy = build_anatomy(
-        placed.organ,
-        placed.tumours,
-        name=name or Path(organ_path).stem,
-        rng=rng,
-        notices=tuple(notice for each in loaded for notice in each.notices),
-        tumour_names=tuple(str(path) for path in tumour_paths),
+        mesh = load_mesh(files.organ, files.unit, role="organ", frame=files.frame)
+        notices += mesh.notices
+        found = LabelledAnatomy(organ=mesh.solid)
+        _refuse_labels(files)
+    tumours = list(found.tumours)
+    names = [f"{Path(files.organ).name}: tumour {i + 1}" for i in range(len(tumours))]
+    for file in files.tumours:
+        solids = _tumours_of(file, files, notices)
+        tumours += solids
+        names += [file] if len(solids) == 1 else [f"{file}: tumour {i + 1}" for i in range(len(solids))]
+    structures = list(found.structures)
+    structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
+    structures += [_structure(file, files, notices, is_keepout=True) for file in files.keepouts]
+    return LoadedAnatomy(
+        organ=found.organ,
+        tumours=tuple(tumours),
+        tumour_names=tuple(names),
+        structures=tuple(structures),
+        notices=tuple(notices),
     )
-    return anatomy, placed
+
+
+def _labelled(files: AnatomyFiles, notices: list[str]) -> LabelledAnatomy:
+    volume = load_volume(files.organ, spacing_m=files.spacing_m)
+    coding, remarks = coding_of(volume, files.labels, files.organ)
+    found = anatomy_of(volume, coding, files.organ)
+    said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
+    notices += [*volume.notices, *(f"{volume.name}: {text}" for text in said)]
+    return found
+
+
+def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
+    """What is to be said of the size of an organ from a volume."""
+    remarks = remarks_on_size(organ.volume_m3, "organ")
+    if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
+        remarks.append(
+            "its header says 1 x 1 x 1 mm, which is what a lost header says: pass the scan's own spacing as "
+            "--spacing-mm X Y Z"
+        )
+    return remarks
+
+
+def _refuse_labels(files: AnatomyFiles) -> None:
+    """Nothing, unless labels are asked for of a mesh.
+
+    Raises:
+        MeshError: They are.
+    """
+    labels = files.labels
+    if (labels.organ or labels.structures or labels.keepouts) or (
+        labels.tumours and not any(is_volume(file) for file in files.tumours)
+    ):
+        raise MeshError(
+            f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "
+            "tumours as --tumour FILE, structures as --structure FILE or --keepout FILE"
+        )
+
+
+def _tumours_of(file: str, files: AnatomyFiles, notices: list[str]) -> list[Solid]:
+    """The tumour of a mesh, or the pieces of a label volume."""
+    if not is_volume(file):
+        mesh = load_mesh(file, files.unit, role="tumour", frame=files.frame)
+        notices += mesh.notices
+        return [mesh.solid]
+    volume = load_volume(file, spacing_m=files.spacing_m)
+    notices += volume.notices
+    wanted = files.labels.tumours or CODINGS.get(files.labels.coding, Coding(organ=())).tumours
+    wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
+    pieces, sizes = tumour_pieces(volume.labels, wanted)
+    solids = []
+    for piece in np.argsort(-sizes[1:], kind="stable")[:50] + 1:
+        diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
+        box = _box(pieces == piece)
+        solids.append(
+            surface_of(pieces[box] == piece, shifted(volume.T_lps_voxel, box), tumour_surface(diameter_m))
+        )
+    return solids
+
+
+def _structure(file: str, files: AnatomyFiles, notices: list[str], *, is_keepout: bool) -> Structure:
+    name = Path(file).name.split(".")[0]
+    if not is_volume(file):
+        surface = load_surface(file, files.unit, frame=files.frame)
+        notices += surface.notices
+        return Structure(name=name, solid=surface.solid, is_keepout=is_keepout)
+    volume = load_volume(file, spacing_m=files.spacing_m)
+    notices += volume.notices
+    if len(volume.counts) > 1:
+        raise VolumeError(
+            f"{file}: holds {len(volume.counts)} labels, and a structure's file one; name labels of the organ's "
+            "own volume with --structure-label or --keepout-label"
+        )
+    box = _box(volume.labels > 0)
+    solid = surface_of(volume.labels[box] > 0, shifted(volume.T_lps_voxel, box), STRUCTURE_SURFACE)
+    return Structure(name=name, solid=solid, is_keepout=is_keepout)
+
+
+def _box(mask: np.ndarray) -> tuple[slice, ...]:
+    ends = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    return tuple(slice(int(end[0]), int(end[-1]) + 1) for end in ends)

@@ -23,3 +23,11 @@ class PlantingError(WorldError):
 
 class GeneratorError(WorldError):
     """A liver that the generator could not make."""
+
+
+class VolumeError(WorldError):
+    """A label volume that cannot serve: unreadable, truncated, too large, or without the organ."""
+
+
+class MissingPackageError(WorldError):
+    """An optional package that something asked for needs."""

@@ -1,10 +1,6 @@
 """Reading organ and tumour meshes from files: what leaves here is a closed, outward surface in metres."""
 
-import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -12,16 +8,16 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from .errors import MeshError
-from .mesh_repair import RepairError, compact, repair
+from .decimation import decimate
+from .errors import MeshError, MissingPackageError
+from .file_kinds import MeshFrame, Unit
+from .mesh_files import read_triangles
+from .mesh_repair import RepairError, repair
 from .solid import Solid
 
-Unit = Literal["mm", "m"]
 Role = Literal["organ", "tumour"]
 
 METRES_PER_UNIT = {"mm": 1e-3, "m": 1.0}
-
-FORMATS = (".stl", ".obj", ".ply")
 
 LARGEST_EXTENT_M = 2.0
 """No organ has a longer bounding box [m]; millimetres taken for metres always do."""
@@ -44,11 +40,11 @@ REMARKABLE_OVERLAP_SHARE = 0.01
 TEST_LATTICE = 32
 """Points per axis of the lattice on which the winding number is examined."""
 
-READER_ERRORS = (
-    *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
-    *(NameError, ImportError, OSError, EOFError, MemoryError),
-)
-"""What a reader fed with arbitrary bytes may raise; ImportError where it wants help to guess an encoding."""
+MOST_TRIANGLES = 200_000
+"""Meshes with more are simplified: finer ones cost minutes and change nothing that a probe could tell."""
+
+SIMPLIFIED_TRIANGLES = 100_000
+"""Triangles that remain then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +67,19 @@ class LoadedMesh:
         return self.solid.to_trimesh()
 
 
-def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> LoadedMesh:
+def load_mesh(
+    path: str | Path, unit: Unit = "mm", *, role: Role = "organ", frame: MeshFrame = "auto"
+) -> LoadedMesh:
     """A mesh file as a closed, outward solid in metres.
 
     Duplicate vertices and triangles are merged, small holes filled and inverted windings turned; each repair
     is mentioned in the notices.
 
     Args:
-        path: An STL, OBJ or PLY file.
+        path: An STL, OBJ, PLY, GLB or glTF file.
         unit: Unit of the file's coordinates, "mm" or "m".
         role: What the mesh stands for, "organ" or "tumour": it decides which sizes are plausible.
+        frame: Axes of the file; what is returned is LPS.
 
     Returns:
         The mesh and the notices.
@@ -93,67 +92,58 @@ def load_mesh(path: str | Path, unit: Unit = "mm", *, role: Role = "organ") -> L
     if role not in SMALLEST_EXTENT_M:
         raise MeshError(f"role {role!r} is not known; use one of {', '.join(get_args(Role))}")
     path = Path(path)
-    vertices, faces = _read(path)
+    vertices, faces, notices = read_triangles(path, frame)
     vertices_m = vertices * METRES_PER_UNIT[unit]
     _check_extent(path, vertices_m, unit, role)
     try:
-        vertices_m, faces, notices = repair(vertices_m, faces)
+        vertices_m, faces, repairs = repair(vertices_m, faces)
     except RepairError as error:
         raise MeshError(f"{path}: {error}") from error
+    vertices_m, faces, simplified = _simplified(vertices_m, faces)
     solid = Solid(vertices_m, faces)
     volume_m3 = solid.volume_m3
     _check_volume(path, solid, volume_m3)
-    notices = [*notices, *_check_winding(path, solid), *_remark_on_size(volume_m3, role)]
+    notices += [*repairs, *simplified, *_check_winding(path, solid), *remarks_on_size(volume_m3, role)]
     return LoadedMesh(solid, tuple(f"{path.name}: {notice}" for notice in notices), path.name)
 
 
-def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices in the file's unit and faces, of which there is at least one."""
-    if not path.is_file():
-        raise MeshError(f"{path}: there is no such file; check the path")
-    if path.suffix.lower() not in FORMATS:
-        raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
+def load_surface(path: str | Path, unit: Unit = "mm", *, frame: MeshFrame = "auto") -> LoadedMesh:
+    """A mesh file as a surface in metres that need not be closed, such as a vessel tree.
+
+    Args:
+        path: An STL, OBJ, PLY, GLB or glTF file.
+        unit: Unit of the file's coordinates.
+        frame: Axes of the file; what is returned is LPS.
+
+    Raises:
+        MeshError: The file cannot be read, or is larger than any patient.
+    """
+    path = Path(path)
+    vertices, faces, notices = read_triangles(path, frame)
+    vertices_m = vertices * METRES_PER_UNIT[unit]
+    _check_extent(path, vertices_m, unit, "tumour")
     try:
-        content = path.read_bytes()
-        if path.suffix.lower() == ".obj":  # text, whose comments may be in any encoding
-            content = content.decode("utf-8", errors="replace").encode()
-        with _quiet_reader():
-            mesh = trimesh.load_mesh(BytesIO(content), file_type=path.suffix[1:].lower(), process=False)
-        vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
-    except READER_ERRORS as error:
-        raise MeshError(
-            f"{path}: cannot be read as {path.suffix[1:].upper()} "
-            f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
-        ) from error
-    if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
-        raise MeshError(f"{path}: holds no triangles in space; export a surface of triangles")
-    if len(faces) == 0:
-        raise MeshError(f"{path}: holds no triangles; export the surface, not its points alone")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(f"{path}: triangles name vertices that the file does not hold; export the mesh again")
-    vertices, faces = compact(vertices, faces)
-    n_bad = int((~np.isfinite(vertices).all(axis=1)).sum())
-    if n_bad:
-        raise MeshError(
-            f"{path}: {n_bad} of {len(vertices)} vertices are NaN or infinite; export the mesh again"
-        )
-    return vertices, faces
+        vertices_m, faces, _ = repair(vertices_m, faces)
+        vertices_m, faces, simplified = _simplified(vertices_m, faces)
+        notices += simplified
+    except RepairError:
+        notices.append("its surface is not closed, which does for a structure: distances are to the surface")
+    return LoadedMesh(Solid(vertices_m, faces), tuple(f"{path.name}: {text}" for text in notices), path.name)
 
 
-@contextmanager
-def _quiet_reader() -> Iterator[None]:
-    """Keeps the reader from printing tracebacks of what it tried; the error raised says it better."""
-    logger = logging.getLogger("trimesh")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+def _simplified(
+    vertices_m: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
+    """The surface with fewer triangles where it has very many, and what to say of it."""
+    if len(faces) <= MOST_TRIANGLES:
+        return vertices_m, faces, []
     try:
-        yield
-    finally:
-        logger.setLevel(level)
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [""])[0][:120]
+        simple = decimate(vertices_m, faces, SIMPLIFIED_TRIANGLES)
+    except MissingPackageError as error:
+        return vertices_m, faces, [f"{len(faces):,} triangles make everything slow, and {error}"]
+    if simple is None:
+        return vertices_m, faces, [f"{len(faces):,} triangles make everything slow; decimate the mesh"]
+    return *simple, [f"{len(faces):,} triangles were simplified to {len(simple[1]):,}"]
 
 
 def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role: Role) -> None:
@@ -208,7 +198,8 @@ def _check_winding(path: Path, solid: Solid) -> list[str]:
     return []
 
 
-def _remark_on_size(volume_m3: float, role: Role) -> list[str]:
+def remarks_on_size(volume_m3: float, role: Role) -> list[str]:
+    """A remark, where no human liver has such a volume."""
     low, high = ORGAN_VOLUME_RANGE_M3
     if role == "organ" and not low <= volume_m3 <= high:
         return [

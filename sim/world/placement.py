@@ -4,7 +4,8 @@ Patient axes are LPS: +x to the patient's left, +y to the back, +z to the head. 
 front is up: world x = left, world y = head, world z = front (-y of LPS).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from .errors import PlacementError
 from .solid import Solid
+from .structures import Structure
 
 R_WORLD_LPS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Rotation from patient axes (LPS) to the world: anterior up, left along the arm's view."""
@@ -34,11 +36,23 @@ class PlacedOrgan:
         organ: The organ, world coordinates.
         tumours: Its tumours, world coordinates.
         T_world_organ: Maps the organ's own coordinates to the world, shape (4, 4).
+        structures: What lies about them, world coordinates.
+        tumour_names: What to call each tumour, or nothing.
     """
 
     organ: Solid
     tumours: tuple[Solid, ...]
     T_world_organ: NDArray[np.float64]
+    structures: tuple[Structure, ...] = ()
+    tumour_names: tuple[str, ...] = ()
+
+    def with_structures(self, structures: tuple[Structure, ...]) -> Self:
+        """The same with structures, given in the organ's own coordinates."""
+        return replace(self, structures=tuple(each.transformed(self.T_world_organ) for each in structures))
+
+    def with_tumour_names(self, names: tuple[str, ...]) -> Self:
+        """The same with names for its tumours."""
+        return replace(self, tumour_names=names)
 
 
 def lay_on_table(
@@ -93,6 +107,15 @@ def put_at_pose(organ: Solid, tumours: tuple[Solid, ...] = (), *, T_world_organ:
     check_rigid(T)
     T.setflags(write=False)
     return PlacedOrgan(organ.transformed(T), tuple(tumour.transformed(T) for tumour in tumours), T)
+
+
+def turned(turn_rad: ArrayLike) -> NDArray[np.float64]:
+    """Rotation from patient axes (LPS) to the world, 3 x 3: anterior up, then turned about the world's x, y and z.
+
+    Args:
+        turn_rad: The three angles [rad], in this order.
+    """
+    return Rotation.from_euler("xyz", np.asarray(turn_rad, dtype=np.float64)).as_matrix() @ R_WORLD_LPS
 
 
 def pose_matrix(position_m: ArrayLike, quaternion: ArrayLike) -> NDArray[np.float64]:

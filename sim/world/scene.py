@@ -17,6 +17,8 @@ from .solid import Solid
 
 ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
 TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
+STRUCTURE_RGBA = (0.30, 0.42, 0.62, 0.85)
+KEEPOUT_RGBA = (0.16, 0.45, 0.30, 0.95)
 CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
 MOUNT = "mount"
 """The body that carries the arm's base: its pose in the world is the arm's placement."""
@@ -28,6 +30,7 @@ class Group(IntEnum):
     """Geom groups, so that a ray or a picture asks only for what it wants."""
 
     TABLE = 0
+    STRUCTURE = 1
     ARM = 2
     ARM_COLLISION = 3
     ORGAN = 4
@@ -93,6 +96,9 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
     _add_solid(spec, "organ", anatomy.organ, ORGAN_RGBA, Group.ORGAN)
     for index, tumour in enumerate(anatomy.tumours):
         _add_solid(spec, f"tumour{index}", tumour, TUMOUR_RGBA, Group.TUMOUR)
+    for index, structure in enumerate(anatomy.structures):
+        rgba = KEEPOUT_RGBA if structure.is_keepout else STRUCTURE_RGBA
+        _add_solid(spec, f"structure{index}", structure.solid, rgba, Group.STRUCTURE, is_shell=True)
     _add_cone(spec, cone)
     model = spec.compile()
     return Scene(
@@ -113,7 +119,7 @@ def _attach(spec: mujoco.MjSpec, probe: mujoco.MjSpec, arm: ArmModel | None) -> 
         return np.empty(0)
     arm_spec, home_q = arm.load()
     for geom in arm_spec.geoms:
-        if geom.group in (Group.ORGAN, Group.TUMOUR):  # those groups are what rays ask for
+        if geom.group in (Group.ORGAN, Group.TUMOUR, Group.STRUCTURE):  # those groups are what rays ask for
             geom.group = int(Group.ARM)
     T_world_base = arm.T_world_base
     quat = np.empty(4)
@@ -161,10 +167,21 @@ def _is_fixed(body: mujoco.MjsBody) -> bool:
 
 
 def _add_solid(
-    spec: mujoco.MjSpec, name: str, solid: Solid, rgba: tuple[float, float, float, float], group: Group
+    spec: mujoco.MjSpec,
+    name: str,
+    solid: Solid,
+    rgba: tuple[float, float, float, float],
+    group: Group,
+    *,
+    is_shell: bool = False,
 ) -> None:
-    """Add a closed mesh, seen by rays and the camera; contacts with it are decided on its true surface."""
-    spec.add_mesh(name=name, uservert=solid.vertices_m.ravel(), userface=solid.faces.ravel())
+    """Add a mesh, seen by rays and the camera; contacts with it are decided on its true surface.
+
+    A shell need not be closed.
+    """
+    mesh = spec.add_mesh(name=name, uservert=solid.vertices_m.ravel(), userface=solid.faces.ravel())
+    if is_shell:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,

@@ -111,6 +111,23 @@ def upper_surface_workspace(
     return SensingSurface(positions_m, fit_normals(positions_m, inward))
 
 
+def upper_surface_area_m2(
+    solid: Solid, rng: np.random.Generator, *, max_tilt_rad: float = MAX_TILT_RAD, n_points: int = 2000
+) -> float:
+    """Area [m^2] of the part of a surface that faces up and is seen from above; 0 where there is none.
+
+    Args:
+        solid: The organ, in a frame with z up.
+        rng: Source of the points by which the hidden share is judged.
+        max_tilt_rad: Largest angle between a face's outward normal and +z [rad].
+        n_points: Number of these points.
+    """
+    try:
+        return _strew_upper(solid, n_points, max_tilt_rad, rng)[2]
+    except MeshError:
+        return 0.0
+
+
 def fit_normals(positions_m: NDArray[np.float64], toward: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit normals of the planes fitted to each position and its 10 nearest neighbours.
 

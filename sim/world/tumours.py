@@ -4,7 +4,7 @@ Both check every tumour before it is accepted: inside the organ, apart from the 
 how to tell, within what the probe can ever sense.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,6 +50,12 @@ LEAST_DEPTH_M = 0.0025
 
 LEAST_GAP_M = 0.002
 """Least distance between planted tumours [m]."""
+
+LOAD_SHRINKING = 5.0 / 6.0
+"""Factor by which a tumour of a load is made smaller until it fits."""
+
+LEAST_LOAD_DIAMETER_M = 0.004
+"""A tumour of a load that would have to be smaller [m] is left out."""
 
 N_PLACES = 200
 """Places tried for one tumour before the next size or an error."""
@@ -166,6 +172,44 @@ def plant_lobulated(
                 f"{diameter_range_m[0] * 1e3:.3g}-{diameter_range_m[1] * 1e3:.3g} mm; "
                 "ask for fewer or smaller tumours"
             )
+    return tuple(planting.planted)
+
+
+def plant_load(
+    organ: Solid,
+    diameters_m: Sequence[float],
+    *,
+    rng: np.random.Generator,
+    least_depth_m: float = LEAST_DEPTH_M,
+    is_attainable: Attainable | None = None,
+) -> tuple[Solid, ...]:
+    """Lobulated tumours of given diameters, below the capsule and apart, the largest first.
+
+    One that fits nowhere, or where the probe cannot sense 95 % of it, is made smaller by a sixth until it fits: a
+    ball of a decimetre fits no liver with 2.5 mm of tissue all around. One that would shrink below 4 mm is left out.
+
+    Args:
+        organ: The organ.
+        diameters_m: Diameters [m] of the spheres of equal volume.
+        rng: Source of the draws.
+        least_depth_m: Least distance between tumour and organ surface [m].
+        is_attainable: Given points in the tumour, the fraction that can be sensed.
+
+    Returns:
+        The tumours.
+    """
+    surface = SurfaceDistance(organ)
+
+    def is_deep(points_m: NDArray[np.float64]) -> bool:
+        return bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
+
+    planting = _Planting(is_deep, is_attainable, rng)
+    for wanted_m in sorted(diameters_m, reverse=True):
+        diameter_m = wanted_m
+        while diameter_m >= LEAST_LOAD_DIAMETER_M:
+            if _place_lobulated(organ, surface, planting, diameter_m, least_depth_m):
+                break
+            diameter_m *= LOAD_SHRINKING
     return tuple(planting.planted)
 
 

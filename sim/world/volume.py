@@ -1,0 +1,69 @@
+"""A label volume: which structure each voxel of a scan belongs to, and where the voxels lie in the patient.
+
+Patient axes are LPS here (+x left, +y back, +z head), metres; NIfTI files are RAS millimetres and are turned
+when read.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+AXIS_LETTERS = (("R", "L"), ("A", "P"), ("I", "S"))
+"""What decreasing and increasing LPS coordinates mean."""
+
+OBLIQUE_RAD = np.deg2rad(0.5)
+"""Axes that are turned further off the patient's axes than this make a volume oblique."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Volume:
+    """Labels on a grid of voxels.
+
+    Attributes:
+        labels: Label of each voxel, 0 for none, shape (I, J, K), uint16.
+        T_lps_voxel: Affine map of voxel indices to patient axes [m], shape (4, 4).
+        counts: Number of voxels of each label that occurs, 0 left out.
+        name: The file's name.
+        notices: One sentence for each remarkable property.
+        label_names: Names of labels that the file itself gives.
+    """
+
+    labels: NDArray[np.uint16]
+    T_lps_voxel: NDArray[np.float64]
+    counts: Mapping[int, int]
+    name: str
+    notices: tuple[str, ...] = ()
+    label_names: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def spacing_m(self) -> NDArray[np.float64]:
+        """Distance between neighbouring voxels along each axis [m], shape (3,)."""
+        return np.linalg.norm(self.T_lps_voxel[:3, :3], axis=0)
+
+    @property
+    def voxel_volume_m3(self) -> float:
+        """Volume of a voxel [m^3]."""
+        return float(abs(np.linalg.det(self.T_lps_voxel[:3, :3])))
+
+    @property
+    def orientation(self) -> str:
+        """Direction in which each axis mainly runs, for example LPS or RAS."""
+        directions = self.T_lps_voxel[:3, :3] / self.spacing_m
+        letters = []
+        for column in directions.T:
+            axis = int(np.abs(column).argmax())
+            letters.append(AXIS_LETTERS[axis][int(column[axis] > 0)])
+        return "".join(letters)
+
+    @property
+    def obliquity_rad(self) -> float:
+        """Largest angle between an axis of the grid and the patient axis that it mainly follows [rad]."""
+        directions = np.abs(self.T_lps_voxel[:3, :3] / self.spacing_m)
+        return float(np.arccos(np.clip(directions.max(axis=0).min(), 0.0, 1.0)))
+
+    @property
+    def is_oblique(self) -> bool:
+        """Whether the grid is turned off the patient's axes."""
+        return self.obliquity_rad > OBLIQUE_RAD

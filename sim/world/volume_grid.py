@@ -1,0 +1,110 @@
+"""What the header of a label volume claims, and whether it can be: sizes, types and axes, before a voxel is read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import VolumeError
+
+MEMORY_SHARE = 0.4
+"""Share of the machine's memory that the voxels of a volume may take."""
+
+MOST_DEFLATED = 1040
+"""No gzip stream unfolds to more bytes per byte than this; a file that claims more is cut short."""
+
+SPACING_RANGE_M = (0.02e-3, 30e-3)
+"""Distances between voxels that a scan of a liver may have [m]."""
+
+FLAT_DETERMINANT = 1e-3
+"""Least volume of a voxel as a share of the product of its edges; below, the axes lie in one plane."""
+
+
+@dataclass(kw_only=True)
+class Grid:
+    """What a header says, and how to fetch the voxels."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    T_lps_voxel: NDArray[np.float64]
+    fetch: Callable[[], NDArray[Any]]
+    slope: float = 1.0
+    intercept: float = 0.0
+    notices: list[str] = field(default_factory=list)
+    label_names: dict[int, str] = field(default_factory=dict)
+    is_compressed: bool = False
+
+
+def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
+    """The three sizes of the grid.
+
+    Raises:
+        VolumeError: It has no three axes, no voxels, numbers that are no labels, or too many voxels.
+    """
+    shape = tuple(n for axis, n in enumerate(grid.shape) if axis < 3 or n != 1)
+    if len(shape) != 3:
+        raise VolumeError(
+            f"{path}: has {len(grid.shape)} axes, of {' x '.join(map(str, grid.shape))}; a label volume has "
+            "three. Save one of its volumes, with one label per voxel"
+        )
+    if min(shape) < 2:
+        raise VolumeError(f"{path}: {' x '.join(map(str, shape))} voxels are no volume; save the whole scan")
+    if grid.dtype.kind not in "iuf":
+        raise VolumeError(
+            f"{path}: its voxels are of type {grid.dtype}; save whole numbers, one label per voxel"
+        )
+    n_voxels = shape[0] * shape[1] * shape[2]
+    n_bytes, memory = n_voxels * (grid.dtype.itemsize + 2), MEMORY_SHARE * _memory_bytes()
+    if n_bytes > memory:
+        raise VolumeError(
+            f"{path}: {' x '.join(map(str, shape))} voxels take {n_bytes / 2**30:.3g} GiB, more than the "
+            f"{memory / 2**30:.2g} GiB that this machine can spare; crop it to the organ or resample it"
+        )
+    size = path.stat().st_size * (MOST_DEFLATED if grid.is_compressed else 1)
+    if path.suffix.lower() != ".nhdr" and n_voxels * grid.dtype.itemsize > size:
+        raise VolumeError(
+            f"{path}: the file is cut short: its {path.stat().st_size:,} bytes cannot hold "
+            f"{' x '.join(map(str, shape))} voxels; copy or download it again"
+        )
+    return shape[0], shape[1], shape[2]
+
+
+def _memory_bytes() -> int:
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (ValueError, OSError, AttributeError):
+        return 8 * 2**30
+
+
+def check_affine(path: Path, grid: Grid, spacing_m: tuple[float, float, float] | None) -> NDArray[np.float64]:
+    """The map of voxels to the patient, with the spacing asked for.
+
+    Raises:
+        VolumeError: It is not finite, flat, or of an impossible spacing.
+    """
+    T = grid.T_lps_voxel.copy()
+    lengths = np.linalg.norm(T[:3, :3], axis=0)
+    is_usable = np.isfinite(T).all() and (lengths > 0.0).all()
+    if spacing_m is not None:
+        T = T if is_usable else np.eye(4)
+        T[:3, :3] *= np.asarray(spacing_m) / (lengths if is_usable else 1.0)
+        is_usable, lengths = True, np.asarray(spacing_m, dtype=np.float64)
+    low, high = SPACING_RANGE_M
+    if not is_usable or not ((lengths >= low) & (lengths <= high)).all():
+        raise VolumeError(
+            f"{path}: the voxels are {' x '.join(f'{length * 1e3:.3g}' for length in lengths)} mm by the header, "
+            f"outside {low * 1e3:g}..{high * 1e3:g} mm; pass the scan's own as --spacing-mm X Y Z"
+        )
+    if abs(np.linalg.det(T[:3, :3])) < FLAT_DETERMINANT * lengths.prod():
+        raise VolumeError(f"{path}: the header's axes lie in one plane; export the volume again")
+    if np.abs(T[:3, 3]).max() > 100.0:
+        raise VolumeError(
+            f"{path}: the header puts the volume {np.abs(T[:3, 3]).max():.3g} m away; export it again"
+        )
+    return T

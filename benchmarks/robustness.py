@@ -1,0 +1,147 @@
+"""Find-and-outline on what it was not tuned on, and how its stopping rule does: `python -m benchmarks.robustness`.
+
+Variations of the paper's scenario 1 with a free probe. Every episode runs until the planner is 95 % confident that
+nothing of 5 mm radius or more is left, or until its actions are used up; so one run tells both how soon 95 % was
+sensed and whether the episode ended too early.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import tyro
+from threadpoolctl import threadpool_limits
+
+from mapping import MapSettings
+from planner import make_planner
+from sim.comparison_tables import interval_text, table
+from sim.episode import Episode
+from sim.estimates import mean_estimate, share_interval
+from sim.scenarios import SCENARIOS
+from sim.stage import Stage, build_stage
+from sim.world.probe import Reading
+
+SENSED = 0.95
+
+
+@dataclass(frozen=True)
+class Case:
+    """A variation of scenario 1."""
+
+    label: str
+    changes: dict[str, Any] = field(default_factory=dict)
+    """Fields of the scenario."""
+    noise: float = 0.0
+    """Share of the labels that the sensor gets wrong."""
+    is_told: bool = False
+    """Whether the map is told that share."""
+
+
+CASES = (
+    Case("scenario 1"),
+    Case("radius 6 mm", {"tumour_radius_m": 0.006}),
+    Case("radius 24 mm", {"tumour_radius_m": 0.024}),
+    Case("3 tumours", {"n_tumours": 3}),
+    Case("6 tumours", {"n_tumours": 6}),
+    Case("cone of 8 degrees", {"cone_half_angle_rad": math.radians(8.0)}),
+    Case("cone of 20 degrees", {"cone_half_angle_rad": math.radians(20.0)}),
+    Case("5 % wrong labels, told", noise=0.05, is_told=True),
+    Case("5 % wrong labels, not told", noise=0.05),
+    Case("no tumour", {"n_tumours": 0}),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Seeds, actions at most, and processes."""
+
+    seeds: int = 20
+    """Seeds 0, 1, 2, ... of every case but the first."""
+    first_seeds: int = 100
+    """Seeds of the first case, scenario 1 itself."""
+    steps: int = 150
+    """Sensing actions at most."""
+    confidence: float = 0.95
+    """At which an episode ends."""
+    jobs: int = 2
+    """Processes."""
+    cases: tuple[int, ...] = tuple(range(len(CASES)))
+    """Numbers of the cases to run."""
+
+
+class NoisyEpisode(Episode):
+    """An episode whose sensor gets a share of its labels wrong."""
+
+    noise = 0.0
+
+    def _read(self) -> Reading:
+        reading = super()._read()
+        is_wrong = self._sensor_rng.random(len(reading.is_occupied)) < self.noise
+        return replace(reading, is_occupied=reading.is_occupied ^ is_wrong)
+
+
+@lru_cache(maxsize=1)
+def _stage(number: int) -> Stage:
+    scenario = replace(SCENARIOS["sphere"], **CASES[number].changes)
+    return build_stage(scenario, None, MapSettings())
+
+
+def run_seed(number: int, seed: int, options: Options) -> tuple[float, int, float | None, bool]:
+    """Actions until 95 % was sensed (infinite for never), actions in all, share sensed, and whether it stopped."""
+    case = CASES[number]
+    told = {"false_positive_rate": case.noise, "false_negative_rate": case.noise} if case.is_told else {}
+    with threadpool_limits(limits=1):
+        planner, settings = make_planner("find-and-outline"), replace(MapSettings(), **told)
+        episode = NoisyEpisode(_stage(number), planner, seed=seed, map_settings=settings)
+        episode.noise = case.noise
+        sensings, sensed, n_steps = math.inf, None, 0
+        for step in episode.steps(options.steps, until_confident=options.confidence):
+            sensed, n_steps = step.sensed_fraction, step.step
+            if sensings == math.inf and (sensed or 0.0) >= SENSED:
+                sensings = step.step
+        return sensings, n_steps, sensed, episode.confidence() >= options.confidence
+
+
+def row(number: int, options: Options, pool: ProcessPoolExecutor) -> list[str]:
+    """A case's line of the table."""
+    n = options.first_seeds if number == 0 else options.seeds
+    jobs = [pool.submit(run_seed, number, seed, options) for seed in range(n)]
+    results = [job.result() for job in jobs]
+    sensings = np.array([each[0] for each in results])
+    n_stopped = sum(each[3] for each in results)
+    ends = [each[1] for each in results if each[3]]
+    end = f"{np.mean(ends):.0f} ({min(ends)}-{max(ends)})" if ends else "-"
+    if results[0][2] is None:
+        return [CASES[number].label, str(n), "-", "-", f"{n_stopped} of {n}", end, "-"]
+    capped = mean_estimate(np.minimum(sensings, options.steps))
+    n_early = sum(each[3] and (each[2] or 0.0) < SENSED for each in results)
+    low, high = share_interval(n_early / max(n_stopped, 1), n_stopped) if n_stopped else (math.nan, math.nan)
+    return [
+        CASES[number].label,
+        str(n),
+        f"{capped.mean:.1f} ± {capped.deviation:.1f} {interval_text(capped.interval, '{:.1f}')}",
+        f"{np.isinf(sensings).sum()}",
+        f"{n_stopped} of {n}",
+        end,
+        f"{n_early} [{low:.0%}, {high:.0%}]",
+    ]
+
+
+def main(options: Options) -> None:
+    """Run the cases and print the table."""
+    head = ("case", "seeds", "sensings to 95 %", "never", "stopped by itself", "after (range)", "too early")
+    rows = []
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for number in options.cases:
+            rows.append(row(number, options, pool))
+            print(" | ".join(rows[-1]), flush=True)
+    print(table(head, rows))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

@@ -62,7 +62,7 @@ format:
 	.venv/bin/ruff format .
 
 docs: setup-dev
-	.venv/bin/python -m mkdocs build --strict
+	NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --strict
 
 clean:
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis

@@ -139,7 +139,7 @@ def _measure(
         [p.estimate.difference.interval for p in pairings], from_zero=True,
     )  # fmt: skip
     return {
-        "title": measure.label,
+        "title": measure.label[0].upper() + measure.label[1:],
         "better": "lower is better" if measure.lower_is_better else "higher is better",
         "note": "" if math.isinf(horizon) else (
             f"Not every trial got there. Means are restricted to {horizon:.0f} actions: a trial that needs more, or "

@@ -12,7 +12,7 @@ from ..world.scene import Group
 
 MOST_FACES = 3000
 """A part of more triangles is drawn by its convex hull."""
-SECTIONS = 20
+SECTIONS = 32
 
 
 def arm_parts(recording: Recording) -> list[tuple[str, NDArray[np.float64], trimesh.Trimesh]]:
@@ -59,7 +59,7 @@ def _geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_CAPSULE:
-        mesh = trimesh.creation.capsule(height=2 * size[1], radius=size[0], count=[SECTIONS, 10])
+        mesh = trimesh.creation.capsule(height=2 * size[1], radius=size[0], count=[SECTIONS, 12])
         mesh.apply_translation(-mesh.bounds.mean(axis=0))
     elif kind == kinds.mjGEOM_CYLINDER:
         mesh = trimesh.creation.cylinder(radius=size[0], height=2 * size[1], sections=SECTIONS)

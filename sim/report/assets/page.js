@@ -102,7 +102,11 @@
   try {
     view = makeView(data.view, await unpack(), setStep);
     addLegend();
-    for (const button of document.querySelectorAll("[data-preset]")) button.addEventListener("click", () => view.presets[button.dataset.preset]());
+    for (const button of document.querySelectorAll("[data-preset]")) button.addEventListener("click", () => {
+      view.presets[button.dataset.preset]();
+      const box = document.querySelector("#legend input[name=arm]"); // from above the arm hides what it stands on
+      if (box && box.checked === (button.dataset.preset === "top")) box.click();
+    });
     setStep(last);
     view.renderNow();
   } catch (problem) {

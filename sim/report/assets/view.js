@@ -175,6 +175,7 @@ const makeView = (data, array, onPick) => {
   const low = new THREE.Vector3(...data.bounds[0]), high = new THREE.Vector3(...data.bounds[1]);
   const middle = low.clone().add(high).multiplyScalar(0.5), size = high.clone().sub(low);
   const unit = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
+  const triads = [];
   const triad = (at, axes, names, title, length) => {
     const points = [];
     axes.forEach((axis, i) => {
@@ -184,11 +185,13 @@ const makeView = (data, array, onPick) => {
       points.push(...at, ...end, ...end, ...neck.clone().add(side), ...end, ...neck.clone().sub(side));
       label(names[i], at.clone().addScaledVector(axis, length * 1.14), frames, false, at, at.clone().addScaledVector(axes[2], length));
     });
-    frames.add(lines(points, "ink", 0.85));
+    const drawn = lines(points, "ink", 0.85);
+    triads.push({ drawn, at });
+    frames.add(drawn);
     if (title) label(title, at.clone().addScaledVector(unit[2], -length * 0.2), frames, true, at, at.clone().addScaledVector(axes[2], length));
   };
   const T = data.T_world_organ, organAxes = [0, 1, 2].map(i => new THREE.Vector3(T[0][i], T[1][i], T[2][i]));
-  const beside = new THREE.Vector3(low.x - 0.16 * size.x, low.y - 0.16 * size.y, Math.max(low.z, 0) + 0.001);
+  const beside = new THREE.Vector3(low.x - 0.06 * size.x, low.y - 0.06 * size.y, Math.max(low.z, 0) + 0.001);
   triad(beside, unit, ["x", "y", "z"], "world axes", AXIS_M);
   if (data.base) {
     const B = data.base;
@@ -238,7 +241,7 @@ const makeView = (data, array, onPick) => {
   const within = corners.map(corner => corner.clone().lerp(middle, 0.06)), head = new THREE.Vector3(middle.x, middle.y, high.z + 0.05);
   const foot = data.base ? [0, 1].map(i => new THREE.Vector3(data.base[0][3], data.base[1][3], 0.85 * i)) : corners.map(corner => corner.clone().lerp(middle, -0.8));
   const presets = {
-    organ: () => show([...within, head, head, beside], new THREE.Vector3(0.62, -1, 0.62), 0.93),
+    organ: () => show([...within, head, head, beside], new THREE.Vector3(0.62, -1, 0.62), 1.0),
     arm: () => show([...corners, ...foot, ...foot], new THREE.Vector3(0.5, -1, 0.42), 0.9),
     top: () => show(corners, new THREE.Vector3(0, -0.0015, 1), 0.85),
     side: () => show([...corners, head], new THREE.Vector3(0, -1, 0), 0.85),
@@ -256,9 +259,11 @@ const makeView = (data, array, onPick) => {
   };
   const draw = () => {
     wanted = false;
-    renderer.render(scene, camera);
     const { clientWidth: width, clientHeight: height } = holder, spot = new THREE.Vector3();
     const isInView = at => { spot.copy(at).project(camera); return spot.z < 1 && Math.abs(spot.x) < 0.98 && Math.abs(spot.y) < 0.98; };
+    camera.updateMatrixWorld();
+    for (const { drawn, at } of triads) drawn.visible = isInView(at); // the tips alone would tell nothing
+    renderer.render(scene, camera);
     const isLong = (from, to) => { // a triad seen from far away would be covered by its labels
       const a = from.clone().project(camera), b = to.clone().project(camera);
       return Math.hypot((a.x - b.x) * width, (a.y - b.y) * height) / 2 > 44;

@@ -164,12 +164,12 @@ const makeView = (data, array, onPick) => {
   // Frames and the table.
   const frames = layer(), table = layer(), labels = [];
   const holderOfLabels = document.getElementById("labels");
-  const label = (text, at, group, soft, of, end) => {
+  const label = (text, at, group, soft, of, ends) => {
     const element = document.createElement("span");
     element.textContent = text;
     if (soft) element.className = "soft";
     holderOfLabels.append(element);
-    labels.push({ element, at, group, of: of ?? at, end });
+    labels.push({ element, at, group, of: of ?? at, ends });
     return labels[labels.length - 1];
   };
   const low = new THREE.Vector3(...data.bounds[0]), high = new THREE.Vector3(...data.bounds[1]);
@@ -177,18 +177,18 @@ const makeView = (data, array, onPick) => {
   const unit = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
   const triads = [];
   const triad = (at, axes, names, title, length) => {
-    const points = [];
+    const points = [], ends = axes.map(axis => at.clone().addScaledVector(axis, length));
     axes.forEach((axis, i) => {
-      const end = at.clone().addScaledVector(axis, length);
+      const end = ends[i];
       const side = new THREE.Vector3().crossVectors(axis, axes[(i + 1) % 3]).normalize().multiplyScalar(length * 0.045);
       const neck = at.clone().addScaledVector(axis, length * 0.86);
       points.push(...at, ...end, ...end, ...neck.clone().add(side), ...end, ...neck.clone().sub(side));
-      label(names[i], at.clone().addScaledVector(axis, length * 1.14), frames, false, at, at.clone().addScaledVector(axes[2], length));
+      label(names[i], at.clone().addScaledVector(axis, length * 1.14), frames, false, at, ends);
     });
     const drawn = lines(points, "ink", 0.85);
     triads.push({ drawn, at });
     frames.add(drawn);
-    if (title) label(title, at.clone().addScaledVector(unit[2], -length * 0.2), frames, true, at, at.clone().addScaledVector(axes[2], length));
+    if (title) label(title, at.clone().addScaledVector(unit[2], -length * 0.2), frames, true, at, ends);
   };
   const T = data.T_world_organ, organAxes = [0, 1, 2].map(i => new THREE.Vector3(T[0][i], T[1][i], T[2][i]));
   const beside = new THREE.Vector3(low.x - 0.06 * size.x, low.y - 0.06 * size.y, Math.max(low.z, 0) + 0.001);
@@ -268,8 +268,8 @@ const makeView = (data, array, onPick) => {
       const a = from.clone().project(camera), b = to.clone().project(camera);
       return Math.hypot((a.x - b.x) * width, (a.y - b.y) * height) / 2 > 44;
     };
-    for (const { element, at, group, of, end } of labels) {
-      const isShown = group.visible && element.textContent && isInView(of) && (!end || isLong(of, end)) && isInView(at);
+    for (const { element, at, group, of, ends } of labels) {
+      const isShown = group.visible && element.textContent && isInView(of) && (!ends || ends.some(end => isLong(of, end))) && isInView(at);
       element.style.display = isShown ? "" : "none";
       if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
     }

@@ -12,6 +12,7 @@ from .errors import UsageError
 from .replay import Recording, read_recording, set_state
 from .run_record import read_run
 from .view_options import ViewOptions
+from .world.scene import Group
 
 FRAME_S = 1 / 60
 
@@ -65,6 +66,7 @@ def play(recording: Recording, speed: float) -> None:
     except (RuntimeError, mujoco.FatalError) as error:
         raise UsageError(f"view: MuJoCo's viewer cannot open a window ({error}).") from error
     with window:
+        window.opt.geomgroup[[Group.ORGAN, Group.TUMOUR]] = 1  # the viewer hides groups from 3 on
         centre_m = recording.scene.anatomy.organ.bounds_m.mean(axis=0)
         window.cam.lookat[:] = centre_m
         window.cam.distance, window.cam.azimuth, window.cam.elevation = 0.9, 120.0, -28.0

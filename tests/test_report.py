@@ -17,9 +17,10 @@ from PIL import Image
 from sim.cli import main
 from sim.report.charts import count_ticks, curve_chart, progress_chart, reliability
 from sim.report.frames import frame_images
+from sim.report.mesh_thinning import thinned
 from sim.report.packing import Pack, add_mesh
 from sim.report.series_charts import Series, series_chart, span_of
-from sim.report.view_data import thinned, thinned_steps
+from sim.report.view_data import thinned_steps
 
 ACTIONS = 3
 

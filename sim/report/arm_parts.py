@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ..replay import Recording, set_state
 from ..world.scene import Group
+from .mesh_thinning import thinned
 
 MOST_FACES = 3000
-"""A part of more triangles is drawn by its convex hull."""
+"""A part of more triangles is thinned out."""
 SECTIONS = 32
 
 
@@ -24,11 +25,14 @@ def arm_parts(recording: Recording) -> list[tuple[str, NDArray[np.float64], trim
         if not name.startswith(("arm_", "probe_")):
             continue
         geoms = [g for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_group[g] == Group.ARM]
-        meshes = [mesh for g in geoms if (mesh := _geom_mesh(model, int(g))) is not None]
-        for colour in sorted({tuple(np.round(model.geom_rgba[g][:3], 2)) for g in geoms}):
-            same = [m for g, m in zip(geoms, meshes, strict=True)
-                    if tuple(np.round(model.geom_rgba[g][:3], 2)) == colour]  # fmt: skip
-            parts.append((name, np.array(colour), trimesh.util.concatenate(same)))
+        meshes = [_geom_mesh(model, int(g)) for g in geoms]
+        colours = [_colour(model, int(g)) for g in geoms]
+        for colour in sorted(set(colours)):
+            same = [
+                mesh for own, mesh in zip(colours, meshes, strict=True) if own == colour and mesh is not None
+            ]
+            if same:
+                parts.append((name, np.array(colour), trimesh.util.concatenate(same)))
     return parts
 
 
@@ -52,6 +56,13 @@ def body_poses(recording: Recording, names: list[str]) -> NDArray[np.float32]:
         set_state(scene, data, state)
         row[:, :3], row[:, 3:] = data.xpos[ids], data.xquat[ids]
     return poses
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:
+    """Red, green and blue of a geom, its material's where it has one."""
+    material = int(model.geom_matid[geom])
+    red, green, blue, _ = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+    return round(float(red), 2), round(float(green), 2), round(float(blue), 2)
 
 
 def _geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
@@ -85,5 +96,6 @@ def _mesh_of(model: mujoco.MjModel, mesh: int) -> trimesh.Trimesh:
     first_face, n_faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
     vertices = model.mesh_vert[first_vertex : first_vertex + n_vertices]
     faces = model.mesh_face[first_face : first_face + n_faces]
-    part = trimesh.Trimesh(vertices.astype(np.float64), faces, process=False)
-    return part.convex_hull if len(faces) > MOST_FACES else part
+    return trimesh.Trimesh(
+        *thinned(vertices.astype(np.float64), faces.astype(np.int64), MOST_FACES), process=False
+    )

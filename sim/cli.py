@@ -179,6 +179,7 @@ def _view(options: ViewOptions) -> int:
         print(run_view(options))
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
+    return 0
 
 
 def _inspect(options: InspectOptions) -> int:

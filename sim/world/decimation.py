@@ -32,7 +32,7 @@ def decimate(
     if len(faces) <= n_triangles:
         return None
     fast_simplification = optional_module(
-        "fast_simplification", "fast-simplification", "generate", "simplifying a surface"
+        "fast_simplification", "fast-simplification", "labels", "simplifying a surface"
     )
     centre_m = vertices_m.mean(axis=0)
     volume_m3 = _volume_m3(vertices_m, faces)

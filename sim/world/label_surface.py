@@ -19,7 +19,7 @@ from .mesh_repair import RepairError, repair
 from .optional import optional_module
 from .solid import Solid
 
-EXTRA = "generate"
+EXTRA = "labels"
 
 LEAST_BLUR_VOXELS = 0.8
 """Standard deviation of the blur along each axis, in voxels: less leaves steps."""

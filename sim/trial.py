@@ -84,7 +84,8 @@ def write_trial_folder(options: EpisodeOptions) -> None:
 def _stage(options: EpisodeOptions) -> tuple[Stage, float]:
     """The stage of an episode and the time that building it took; the process's last one is kept."""
     settings, scenario = options.make_map_settings(), options.make_scenario()
-    key = (scenario, options.arm, options.flange, settings.hinge_spacing_m)
+    base = (options.base_mm, options.base_yaw_deg)
+    key = (scenario, options.arm, options.flange, base, settings.hinge_spacing_m)
     start_s = perf_counter()
     if key not in _stages:
         _stages.clear()

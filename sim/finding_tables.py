@@ -1,9 +1,10 @@
-"""The tables of findings: tumours.csv and false_findings.csv, SI units, world frame."""
+"""The files of findings: tumours.csv and false_findings.csv, and both in findings.json; SI units, world frame."""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,13 +14,15 @@ from mapping.storage import replacing
 from .findings import FalseFinding, Findings, TumourFinding
 from .recording import table_cell
 
-TUMOURS, FALSE_FINDINGS = "tumours.csv", "false_findings.csv"
+TUMOURS, FALSE_FINDINGS, FINDINGS = "tumours.csv", "false_findings.csv", "findings.json"
 
 
 def write_finding_tables(folder: Path, findings: Findings) -> None:
-    """Write both tables to a run's folder."""
+    """Write both tables to a run's folder, and findings.json."""
     _write(folder / TUMOURS, [tumour_row(each) for each in findings.tumours], tumour_row(None))
     _write(folder / FALSE_FINDINGS, [false_row(each) for each in findings.false], false_row(None))
+    with replacing(folder / FINDINGS) as file:
+        file.write((json.dumps(finding_summary(findings), indent=2, allow_nan=False) + "\n").encode())
 
 
 def tumour_row(finding: TumourFinding | None) -> dict[str, Any]:
@@ -54,7 +57,7 @@ def false_row(finding: FalseFinding | None) -> dict[str, Any]:
 
 
 def finding_summary(findings: Findings) -> dict[str, Any]:
-    """What the summary of a run tells of its findings."""
+    """All findings and how many there are, as findings.json has them."""
     return {
         "called_from_probability": findings.probability,
         "n_tumours": len(findings.tumours),

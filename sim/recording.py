@@ -44,6 +44,7 @@ WRITTEN = (
     "poses.json",
     "tumours.csv",
     "false_findings.csv",
+    "findings.json",
     "report.html",
 )
 """Files of a run besides the manifest, figures and frames."""

@@ -164,24 +164,21 @@ class _Recording:
             folder.append_row("structures.csv", row)
         if tally.steps:
             draw_run_figures(folder.path, episode, tally.steps)
-        summary |= self._publish(summary)
+        folder.write_json("summary.json", summary)
+        self._publish()
         return summary
 
-    def _publish(self, summary: dict[str, Any]) -> dict[str, Any]:
-        """Write what the finished folder comes to and its report; returns the findings as the summary has them."""
+    def _publish(self) -> None:
+        """Write what the finished folder comes to, and its report."""
         # Imported here: half a second that the workers of trials, which write no folder, need not wait for.
-        from .finding_tables import finding_summary
         from .report import write_report
         from .run_record import read_run
         from .run_results import write_results
 
         findings = write_results(read_run(self._folder.path))
-        found = finding_summary(findings)
-        self._folder.write_json("summary.json", summary | found)
         self._folder.finish(self._status)
         if self._options.report:
             write_report(self._folder.path, findings)
-        return found
 
 
 def _postfix(step: Step) -> str:

@@ -84,7 +84,8 @@ def test_the_page_holds_the_runs_numbers(recorded) -> None:
     text = (recorded / "report.html").read_text(encoding="utf-8")
     assert f"{summary['auprc']:.3f}" in text
     assert f"{summary['sensed_fraction']:.1%}" in text
-    assert f"{summary['n_tumours_found']} of 1" in text
+    findings = json.loads((recorded / "findings.json").read_text())
+    assert f"{findings['n_tumours_found']} of 1" in text
 
 
 def test_poses_and_the_last_map_are_those_of_the_folder(recorded) -> None:
@@ -124,7 +125,14 @@ def test_the_report_is_written_anew_and_the_same(run, capsys) -> None:
 
 
 def test_a_killed_run_has_a_report(run) -> None:
-    for name in ("summary.json", "poses.json", "tumours.csv", "false_findings.csv", "report.html"):
+    for name in (
+        "summary.json",
+        "poses.json",
+        "tumours.csv",
+        "false_findings.csv",
+        "findings.json",
+        "report.html",
+    ):
         (run / name).unlink()
     manifest = json.loads((run / "manifest.json").read_text()) | {"status": "unfinished"}
     (run / "manifest.json").write_text(json.dumps(manifest))

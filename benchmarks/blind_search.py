@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from mapping import MapSettings
 from planner import FindAndOutline, Situation, Workspace, make_planner, visibility
-from planner.hidden_balls import BallPrior, distance_to_cones
+from planner.hidden_balls import BallPrior, distance_to_cones, hidden_balls
 from sim.scenarios import SCENARIOS
 from sim.stage import Stage, build_stage
 from sim.world.tumours import LEAST_ATTAINABLE, SPHERE_DEPTH_RANGE_M, SPHERE_HALF_WIDTH_M
 
+PAIR_GAP_M = 0.02
+"""One first pose of a pair is tried in each cube of this side."""
 TOUCH_M = 0.002
 """A cone that reaches this deep into a ball returns points of it."""
 
@@ -77,6 +79,28 @@ def sequence(
     return sensed
 
 
+def pair_sequence(stage: Stage, n: int, planner: FindAndOutline | None = None) -> list[int]:
+    """The poses of a search that looks one step ahead: the better half of the best pair, some fifty firsts tried."""
+    planner, sensed = planner or FindAndOutline(), []
+    balls = hidden_balls(
+        stage.workspace, stage.cone, stage.search_points_m, stage.surface_distance_m, planner.balls
+    )
+    left = balls.weights.copy()
+    for _ in range(n):
+        gain = balls.newly_found(left)
+        firsts = stage.workspace.best_apart(gain.astype(np.float64), PAIR_GAP_M)
+        rows = balls.finds[firsts].toarray()
+        pairs = [
+            gain[first] + balls.newly_found(left * (1.0 - row)).max()
+            for first, row in zip(firsts, rows, strict=True)
+        ]
+        sensed.append(int(firsts[int(np.argmax(pairs))]))
+        left = left * np.where(balls.finds[sensed[-1]].toarray().ravel() > 0, planner.fading, 1.0).astype(
+            np.float32
+        )
+    return sensed
+
+
 def touches(
     workspace: Workspace, stage: Stage, centres_m: NDArray[np.float64], radius_m: float
 ) -> NDArray[np.bool_]:
@@ -104,6 +128,7 @@ def main(options: Options) -> None:
         "random": sequence(stage, "random", n),
         "multi-resolution": sequence(stage, "multi-resolution", n),
         name: sequence(stage, name, n),
+        "looking one step ahead": pair_sequence(stage, n),
         "balls may protrude from the organ": sequence(stage, name, n, knows_surface=False),
         "balls of 2 mm (nearly points)": sequence(
             stage, name, n, balls=BallPrior(radius_range_m=(0.0019, 0.0021))

@@ -106,6 +106,8 @@ def _episode(options: EpisodeOptions) -> int:
         )
         return EXIT_INTERRUPTED
     print(episode_table(summary))
+    if options.report:
+        print(f"open {summary['folder']}/report.html in a browser")
     return 0
 
 

@@ -8,7 +8,6 @@ from typing import Any
 ROWS = (
     ("sensing actions", "n_sensings", "{}"),
     ("actions until 95 % of the tumour was sensed", "sensings_to_95", "{}"),
-    ("false findings", "n_false_findings", "{}"),
     ("tumour sensed", "sensed_fraction", "{:.1%}"),
     ("tumour that could be sensed at all", "attainable_fraction", "{:.1%}"),
     ("AUPRC of the map", "auprc", "{:.3f}"),

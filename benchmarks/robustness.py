@@ -120,7 +120,10 @@ def row(number: int, options: Options, pool: ProcessPoolExecutor) -> list[str]:
         return [CASES[number].label, str(n), "-", "-", f"{n_stopped} of {n}", end, "-"]
     capped = mean_estimate(np.minimum(sensings, options.steps))
     n_early = sum(each[3] and (each[2] or 0.0) < SENSED for each in results)
-    low, high = share_interval(n_early / max(n_stopped, 1), n_stopped) if n_stopped else (math.nan, math.nan)
+    early = "-"
+    if n_stopped:
+        low, high = share_interval(n_early / n_stopped, n_stopped)
+        early = f"{n_early} [{low:.0%}, {high:.0%}]"
     return [
         CASES[number].label,
         str(n),
@@ -128,7 +131,7 @@ def row(number: int, options: Options, pool: ProcessPoolExecutor) -> list[str]:
         f"{np.isinf(sensings).sum()}",
         f"{n_stopped} of {n}",
         end,
-        f"{n_early} [{low:.0%}, {high:.0%}]",
+        early,
     ]
 
 

@@ -76,11 +76,9 @@ class FindAndOutline(Planner):
         for failed in situation.skipped:
             score[workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
         score[~is_left] = -1.0
-        for pose in self._by_way(situation, score):
-            yield pose
-            score[workspace.within(pose, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
-            score[pose] = -1.0
-        while (pose := int(np.argmax(score))) >= 0 and score[pose] >= 0.0:
+        by_way = iter(self._by_way(situation, score))
+        for _ in range(int(is_left.sum())):
+            pose = next(by_way, int(np.argmax(score)))
             yield pose
             score[workspace.within(pose, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
             score[pose] = -1.0
@@ -89,7 +87,7 @@ class FindAndOutline(Planner):
         """The poses to try first because of the way to them; none where ways do not count."""
         if (self.travel_weight == 0.0 and self.batch == 1) or not situation.sensed:
             return []
-        if self.batch > 1 and self._is_searching(situation):
+        if self.batch > 1 and not self._is_worth_outlining(self.outline_score(situation), situation):
             return self._tour(situation, score >= 0.0)
         if self.travel_weight == 0.0:
             return []
@@ -102,7 +100,7 @@ class FindAndOutline(Planner):
     def _tour(self, situation: Situation, is_left: NDArray[np.bool_]) -> list[int]:
         """The batch of poses that together find most, greedily chosen, in the order of the shortest way."""
         chosen: list[int] = []
-        while len(chosen) < self.batch:
+        for _ in range(min(self.batch, int(is_left.sum()))):
             score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
             score[~is_left] = -1.0
             score[chosen] = -1.0
@@ -113,10 +111,10 @@ class FindAndOutline(Planner):
         last_m = situation.workspace.positions_m[situation.sensed[-1]]
         return [chosen[i] for i in shortest_tour(np.linalg.norm(places_m - last_m, axis=1), between_m)]
 
-    def _is_searching(self, situation: Situation) -> bool:
-        """Whether nothing is left that is worth outlining."""
+    def _is_worth_outlining(self, outline: NDArray[np.float64], situation: Situation) -> bool:
+        """Whether some pose that is left outlines enough."""
         is_left = situation.available(exclude_sensed=True)
-        return float(np.max(self.outline_score(situation), where=is_left, initial=0.0)) < self.least_gain_m3
+        return float(np.max(outline, where=is_left, initial=0.0)) >= self.least_gain_m3
 
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """What each pose is worth, 0 or above, shape (N,): outlining first, searching else and among equals."""
@@ -124,8 +122,7 @@ class FindAndOutline(Planner):
         if not situation.sensed:
             return search
         outline = self.outline_score(situation)
-        is_left = situation.available(exclude_sensed=True)
-        if np.max(outline, where=is_left, initial=0.0) < self.least_gain_m3:
+        if not self._is_worth_outlining(outline, situation):
             return search
         return outline / self.least_gain_m3 + 1e-3 * search
 
@@ -152,7 +149,7 @@ class FindAndOutline(Planner):
         The number of tumours is Poisson of unknown rate with Jeffreys' prior. With k found among the share C of
         what could hide, the rate is Gamma(k + 1/2, C), and none is left with probability C^(k + 1/2).
         """
-        if not situation.sensed or not self._is_searching(situation):
+        if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
             return 0.0
         high_m = self.balls.radius_range_m[1]
         range_m = (min(self.sure_radius_m, high_m), high_m)

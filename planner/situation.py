@@ -14,6 +14,7 @@ from .labelled_points import LabelledPoints
 from .workspace import Workspace
 
 _TIP_SPEED_M_S = 0.25
+"""Of a probe of whose motion nothing is known [m/s]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

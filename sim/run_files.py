@@ -40,32 +40,7 @@ def run_config(options: EpisodeOptions, stage: Stage, map_settings: Any) -> dict
 def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     """Append a step to the tables, write its motion and replace the map."""
     carrier, workspace = episode.stage.carrier, episode.stage.workspace
-    folder.append_row(
-        "steps.csv",
-        {
-            "step": step.step,
-            "pose_index": step.pose_index,
-            **_place_of(workspace, step.pose_index),
-            **dict(zip(carrier.joint_names, step.ik.q, strict=True)),
-            "position_error_m": step.ik.position_error_m,
-            "angle_error_rad": step.ik.angle_error_rad,
-            "n_points": len(step.reading.points_m),
-            "n_occupied": int(step.reading.is_occupied.sum()),
-            "sensed_fraction": step.sensed_fraction,
-            "auprc": step.auprc,
-            "expected_improvement": best_improvement(episode.prediction),
-            "n_skipped": len(step.skipped),
-            "motion_s": step.motion.motion_s,
-            "procedure_s": step.procedure_s,
-            "joint_travel_rad": step.motion.joint_travel_rad,
-            "tip_path_m": step.motion.tip_path_m,
-            "tracking_error_m": step.motion.tracking_error_m,
-            "tracking_error_rad": step.motion.tracking_error_rad,
-            "contact_force_n": step.motion.contact_force_n,
-            "peak_force_n": step.motion.peak_force_n,
-            **{name: getattr(step, name) for name in SECONDS},
-        },
-    )
+    folder.append_row("steps.csv", _step_row(episode, step))
     for skipped in step.skipped:
         row = {"step": step.step, "pose_index": skipped.pose_index, "reason": skipped.reason}
         row |= _place_of(workspace, skipped.pose_index)
@@ -79,6 +54,33 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     if episode.prediction is not None:
         write_history(folder, step.step, episode.prediction.score)
     write_map(folder, episode, is_final=False)
+
+
+def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
+    """A row of steps.csv."""
+    return {
+        "step": step.step,
+        "pose_index": step.pose_index,
+        **_place_of(episode.stage.workspace, step.pose_index),
+        **dict(zip(episode.stage.carrier.joint_names, step.ik.q, strict=True)),
+        "position_error_m": step.ik.position_error_m,
+        "angle_error_rad": step.ik.angle_error_rad,
+        "n_points": len(step.reading.points_m),
+        "n_occupied": int(step.reading.is_occupied.sum()),
+        "sensed_fraction": step.sensed_fraction,
+        "auprc": step.auprc,
+        "expected_improvement": best_improvement(episode.prediction),
+        "n_skipped": len(step.skipped),
+        "motion_s": step.motion.motion_s,
+        "procedure_s": step.procedure_s,
+        "joint_travel_rad": step.motion.joint_travel_rad,
+        "tip_path_m": step.motion.tip_path_m,
+        "tracking_error_m": step.motion.tracking_error_m,
+        "tracking_error_rad": step.motion.tracking_error_rad,
+        "contact_force_n": step.motion.contact_force_n,
+        "peak_force_n": step.motion.peak_force_n,
+        **{name: getattr(step, name) for name in SECONDS},
+    }
 
 
 def best_improvement(prediction: Prediction | None) -> float | None:

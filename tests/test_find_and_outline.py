@@ -6,43 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from planner_situations import box_points, flat_workspace, make_situation
+from planner_situations import flat_workspace, make_situation
 from scipy.stats import nbinom
+from searched import CONE, FEW, PLANNER, POINTS, play, situation
 
-from planner import Cone, FindAndOutline, LabelledPoints, PlannerError, Workspace
+from planner import FindAndOutline, LabelledPoints, PlannerError, Workspace
 from planner.fine_lattice import fine_lattice
 from planner.frontier import n_clusters, seen_weight
-from planner.hidden_balls import BallPrior, distance_to_cones, hidden_balls
+from planner.hidden_balls import distance_to_cones, hidden_balls
 from planner.tour import shortest_tour
-
-POINTS = box_points()
-PRIOR_MEAN = np.full(len(POINTS), -4.0)
-CONE = Cone(math.radians(11.5), 0.102)
-FEW = BallPrior(n_balls=400, radius_range_m=(0.005, 0.025), overlap_share=0.5)
-PLANNER = FindAndOutline(balls=FEW)
-
-
-def situation(*, workspace=None, mean=PRIOR_MEAN, readings=(), rate=0.0, **more):
-    made = make_situation(mean=mean, workspace=workspace, **more)
-    object.__setattr__(made, "readings", tuple(readings))
-    object.__setattr__(made, "false_positive_rate", rate)
-    return made
-
-
-def play(planner, n_steps, workspace, unreachable=frozenset()):
-    """Poses that an episode would sense where there is no tumour, its arm never reaching some."""
-    sensed, skipped = [], set()
-    for _ in range(n_steps):
-        for pose in planner.rank(situation(workspace=workspace, sensed=sensed, skipped=skipped)):
-            if pose not in unreachable:
-                sensed.append(pose)
-                break
-            assert pose not in skipped
-            skipped.add(pose)
-    return sensed, skipped
-
 
 # --- search ---
 
@@ -198,70 +170,6 @@ def test_no_pose_is_asked_for_again_and_the_neighbours_of_failures_come_later():
     sensed, skipped = play(PLANNER, 10, workspace, unreachable=blocked)
     assert not set(sensed) & blocked
     assert skipped <= blocked
-
-
-def test_a_weight_on_travel_shortens_the_way():
-    workspace = flat_workspace()
-
-    def way_m(**options):
-        sensed, _ = play(FindAndOutline(balls=FEW, **options), 15, workspace)
-        return np.linalg.norm(np.diff(workspace.positions_m[sensed], axis=0), axis=1).sum()
-
-    fewest = way_m()
-    assert way_m(travel_weight=3.0) < 0.7 * fewest
-    assert way_m(batch=6) < 0.8 * fewest
-
-
-def test_seconds_of_motion_decide_between_poses_of_one_worth():
-    workspace = flat_workspace()
-    slow_side = workspace.positions_m[:, 0] > workspace.positions_m[:, 0].mean()
-
-    def motion_s(poses):
-        return np.where(slow_side[poses], 60.0, 1.0)
-
-    asked = situation(workspace=workspace, sensed=(90,))
-    asked = replace(asked, motion_s=motion_s)
-    planner = FindAndOutline(balls=FEW, travel_weight=1.0)
-    assert not slow_side[list(itertools.islice(planner.rank(asked), 5))].any()
-    # What cannot be reached is not among those whose way counts; it comes last or not at all.
-    blocked = replace(asked, motion_s=lambda poses: np.where(slow_side[poses], np.inf, 1.0))
-    first = list(
-        itertools.islice(
-            planner.rank(blocked), len(workspace.best_apart(planner.score(blocked), 0.02)) // 2 - 1
-        )
-    )
-    assert not slow_side[first].any()
-
-
-def test_a_batch_is_the_greedy_choice_in_the_order_of_the_shortest_way():
-    workspace = flat_workspace()
-    asked = situation(workspace=workspace, sensed=(90,))
-    greedy, sensed = [], [90]
-    for _ in range(4):
-        greedy.append(
-            next(iter(FindAndOutline(balls=FEW).rank(situation(workspace=workspace, sensed=tuple(sensed)))))
-        )
-        sensed.append(greedy[-1])
-    batch = list(itertools.islice(FindAndOutline(balls=FEW, batch=4).rank(asked), 4))
-    assert sorted(batch) == sorted(greedy)
-
-    def way_m(order):
-        return np.linalg.norm(np.diff(workspace.positions_m[[90, *order]], axis=0), axis=1).sum()
-
-    assert way_m(batch) == pytest.approx(min(map(way_m, itertools.permutations(greedy))))
-
-
-@given(st.integers(1, 6), st.integers(0, 10_000))
-def test_a_tour_is_the_best_of_all_orders(k, seed):
-    rng = np.random.default_rng(seed)
-    first, between = rng.random(k), rng.random((k, k))
-
-    def cost(order):
-        return first[order[0]] + sum(between[i, j] for i, j in itertools.pairwise(order))
-
-    tour = shortest_tour(first, between)
-    assert sorted(tour) == list(range(k))
-    assert cost(tour) == pytest.approx(min(cost(order) for order in itertools.permutations(range(k))))
 
 
 def test_it_chooses_the_same_whatever_the_generator():

@@ -134,7 +134,6 @@ def test_rows_are_the_same_on_a_dask_cluster(study, campaign, tmp_path) -> None:
     assert_same(tmp_path / "out", campaign)
 
 
-@pytest.mark.slow
 def test_rows_are_the_same_on_a_ray_cluster(study, campaign, tmp_path) -> None:
     pytest.importorskip("ray")
     run_trials(TrialsOptions(study=str(study), out=tmp_path / "out", jobs=2, engine="ray"))

@@ -101,9 +101,9 @@ def test_a_dask_cluster_survives_the_death_of_a_worker(tmp_path) -> None:
     assert {seed: row["n_sensings"] for seed, row in rows.items()} == {seed: seed + 1 for seed in range(6)}
 
 
-@pytest.mark.slow
-def test_a_ray_cluster_survives_the_death_of_a_worker(tmp_path) -> None:
+def test_a_ray_cluster_survives_the_death_of_a_worker(tmp_path, monkeypatch) -> None:
     pytest.importorskip("ray")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))  # where its workers find trial_work
     from sim.ray_engine import RayEngine
 
     some = [Trial(EpisodeOptions(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]

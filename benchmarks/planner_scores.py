@@ -1,0 +1,61 @@
+"""Scores along the way, from campaigns: `python -m benchmarks.planner_scores FOLDER ... --at 30 50`.
+
+AUPRC after so many actions, which `sounding compare` draws as a curve, the most sensings that a trial took, and the
+time to plan one action.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import tyro
+
+from sim.comparison_tables import table
+from sim.trial_groups import TrialGroup, load_groups
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Print a row per case and contender."""
+
+    folders: tyro.conf.Positional[tuple[Path, ...]]
+    """Folders of campaigns."""
+    at: tuple[int, ...] = (30, 50)
+    """Numbers of actions."""
+    n_seeds: int | None = None
+    """Only seeds below this."""
+
+
+def row(group: TrialGroup, at: tuple[int, ...]) -> list[str]:
+    """A group's line of the table."""
+    curve, sensings = group.curve("auprc"), group.sensings_to_95()
+    plan_s = sum(entry["timings"]["plan_s"] for entry in group.entries)
+    plan_ms = 1e3 * plan_s / group.values("n_sensings").sum()
+    cells = []
+    for n in at:
+        has_map = group.n_steps >= n and curve.shape[1] >= n and np.isfinite(curve[:, n - 1]).all()
+        is_fixed = group.setting("until_sensed") is None
+        values = curve[:, n - 1] if has_map and is_fixed else np.empty(0)
+        cells.append(f"{values.mean():.3f} ± {values.std(ddof=1):.3f}" if values.size > 1 else "-")
+    most = f"{sensings.max():.0f}" if np.isfinite(sensings).all() else "never"
+    return [group.case, group.contender, str(len(group.entries)), *cells, most, f"{plan_ms:.1f}"]
+
+
+def main(options: Options) -> None:
+    """Print the table."""
+    seeds = None if options.n_seeds is None else range(options.n_seeds)
+    head = (
+        "case",
+        "contender",
+        "trials",
+        *(f"AUPRC at {n}" for n in options.at),
+        "most sensings",
+        "plan [ms]",
+    )
+    print(table(head, [row(group, options.at) for group in load_groups(list(options.folders), seeds=seeds)]))
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))

@@ -6,11 +6,11 @@ import re
 
 import numpy as np
 import pytest
+from test_compare import entry, map_entry, write
 
 from sim.compare import run_compare
 from sim.study import Trial, options_of
 from sim.trials_options import CompareOptions
-from tests.test_compare import entry, map_entry, write
 
 SEEDS = 8
 

@@ -6,12 +6,12 @@ import csv
 
 import numpy as np
 import pytest
+from planted_run import ball, planted_run
 
 from sim.finding_tables import finding_summary, write_finding_tables
 from sim.findings import centroid_m, find
 from sim.map_field import called_from
 from sim.mapped_surface import surface_gap
-from tests.planted_run import ball, planted_run
 
 R = 0.012
 VOLUME = 4 / 3 * np.pi * R**3

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import SimpleITK
 import trimesh
+from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, save_nifti
 from scipy.spatial.transform import Rotation
 
 from sim.cli import main
@@ -24,7 +25,6 @@ from sim.world.surface import upper_surface_area_m2
 from sim.world.surface_distance import SurfaceDistance
 from sim.world.tumour_load import draw_lits_diameters
 from sim.world.tumours import plant_load
-from tests.test_label_volumes import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, save_nifti
 
 ROOT = Path(__file__).resolve().parents[1]
 LIVERS = Path(os.environ.get("SOUNDING_DATA", ROOT.parent / "shared" / "data")) / "livers"

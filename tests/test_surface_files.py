@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from planted_run import planted_run
 
 from sim.findings import find
 from sim.surface_files import write_surfaces
-from tests.planted_run import planted_run
 
 R = 0.012
 

@@ -43,7 +43,11 @@ def run_seed(options: EpisodeOptions, at: tuple[int, ...]) -> dict[str, Any]:
     with threadpool_limits(limits=1):
         stage = _stage(replace(options, seed=0))
         episode = Episode(
-            stage, options.make_planner(), seed=options.seed, map_settings=options.make_map_settings()
+            stage,
+            options.make_planner(),
+            seed=options.seed,
+            map_settings=options.make_map_settings(),
+            insets=options.make_insets(),
         )
         auprc: list[float] = []
         sensed: list[float] = []

@@ -43,7 +43,9 @@ def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
     asked = EpisodeOptions(scenario=options.scenario, planner=planner, seed=options.seed, arm="none")
     settings = asked.make_map_settings()
     stage = build_stage(asked.make_scenario(), None, settings)
-    episode = Episode(stage, asked.make_planner(), seed=options.seed, map_settings=settings)
+    episode = Episode(
+        stage, asked.make_planner(), seed=options.seed, map_settings=settings, insets=asked.make_insets()
+    )
     return episode, list(episode.steps(options.steps, until_sensed=0.95))
 
 

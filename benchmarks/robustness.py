@@ -17,7 +17,7 @@ import numpy as np
 import tyro
 from threadpoolctl import threadpool_limits
 
-from mapping import MapSettings
+from mapping import InsetSettings, MapSettings
 from planner import make_planner
 from sim.comparison_tables import interval_text, table
 from sim.episode import Episode
@@ -97,7 +97,9 @@ def run_seed(number: int, seed: int, options: Options) -> tuple[float, int, floa
     told = {"false_positive_rate": case.noise, "false_negative_rate": case.noise} if case.is_told else {}
     with threadpool_limits(limits=1):
         planner, settings = make_planner("find-and-outline"), replace(MapSettings(), **told)
-        episode = NoisyEpisode(_stage(number), planner, seed=seed, map_settings=settings)
+        episode = NoisyEpisode(
+            _stage(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
+        )
         episode.noise = case.noise
         sensings, sensed, n_steps = math.inf, None, 0
         for step in episode.steps(options.steps, until_confident=options.confidence):

@@ -1,7 +1,9 @@
 """The belief over where tumours are: a sequential Bayesian Hilbert map, and the metrics of a map."""
 
 from .belief import UpdateReport
+from .detailed_map import DetailedMap, InsetSettings
 from .hilbert_map import HilbertMap
+from .labelled_points import LabelledPoints
 from .lattice import Lattice
 from .metrics import (
     MapMetrics,
@@ -17,7 +19,10 @@ from .prediction import Prediction
 from .settings import MapSettings
 
 __all__ = [
+    "DetailedMap",
     "HilbertMap",
+    "InsetSettings",
+    "LabelledPoints",
     "Lattice",
     "MapMetrics",
     "MapSettings",

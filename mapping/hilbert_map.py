@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +27,17 @@ from .prediction import Prediction
 from .settings import MapSettings
 from .storage import read_arrays, write_arrays
 from .threads import one_blas_thread
+
+
+class QueryBox(NamedTuple):
+    """Part of a query lattice."""
+
+    lattice: Lattice
+    """Its points."""
+    mask: NDArray[np.bool_]
+    """Which of them are asked for, shape (lattice.n_points,)."""
+    indices: NDArray[np.intp]
+    """Where the answers for those stand among the whole lattice's."""
 
 
 class HilbertMap:
@@ -219,6 +231,29 @@ class HilbertMap:
             raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
         points = self.query.points_m()
         return points if self._query_mask is None else points[self._query_mask]
+
+    def query_box(self, low_m: ArrayLike, high_m: ArrayLike) -> QueryBox | None:
+        """Returns the part of the query lattice in a box, None where it holds no point that is asked for.
+
+        Args:
+            low_m: Lowest corner [m], shape (3,).
+            high_m: Highest corner [m], shape (3,).
+
+        Raises:
+            ValueError: If the map was made without a query lattice.
+        """
+        if self.query is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        low, high = np.asarray(low_m), np.asarray(high_m)
+        kept = [(a >= low[d]) & (a <= high[d]) for d, a in enumerate(self.query.axes_m)]
+        is_asked = np.ones(self.query.n_points, bool) if self._query_mask is None else self._query_mask
+        index = (
+            np.where(is_asked, np.cumsum(is_asked) - 1, -1).reshape(self.query.shape)[np.ix_(*kept)].ravel()
+        )
+        if not (index >= 0).any():
+            return None
+        x, y, z = (axis[keep] for axis, keep in zip(self.query.axes_m, kept, strict=True))
+        return QueryBox(Lattice((x, y, z)), index >= 0, index[index >= 0])
 
     def _offset(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.along_axes(points_m))

@@ -4,7 +4,7 @@ from .cone import Cone
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
 from .find_and_outline import FindAndOutline
-from .labelled_points import LabelledPoints
+from mapping import LabelledPoints
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder

@@ -10,7 +10,7 @@ from mapping import Prediction
 
 from .cone import Cone
 from .errors import PlannerError
-from .labelled_points import LabelledPoints
+from mapping import LabelledPoints
 from .workspace import Workspace
 
 _TIP_SPEED_M_S = 0.25

@@ -10,8 +10,18 @@ from time import perf_counter
 import mujoco
 import numpy as np
 
-from mapping import HilbertMap, MapMetrics, MapSettings, Prediction, average_precision, evaluate_map
-from planner import LabelledPoints, Planner, Situation
+from mapping import (
+    DetailedMap,
+    HilbertMap,
+    InsetSettings,
+    LabelledPoints,
+    MapMetrics,
+    MapSettings,
+    Prediction,
+    average_precision,
+    evaluate_map,
+)
+from planner import Planner, Situation
 
 from .motion import Motion, Mover
 from .movers import make_mover
@@ -66,6 +76,7 @@ class Episode:
         *,
         seed: int,
         map_settings: MapSettings | None = None,
+        insets: InsetSettings | None = None,
         probe_settings: ProbeSettings | None = None,
         mover: Mover | None = None,
         sensing_s: float = MotionSettings().sensing_s,
@@ -79,6 +90,7 @@ class Episode:
             planner: Ranks the poses.
             seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
             map_settings: Of the map.
+            insets: Of the finer maps laid in where tumour was sensed; None for none.
             probe_settings: Of the readings.
             mover: Moves the probe between poses, for this episode alone; one that jumps by default.
             sensing_s: Modelled time of a sensing action.
@@ -101,7 +113,7 @@ class Episode:
         self.truth: Truth = make_truth(stage, truth_rng)
         scene = self.truth.scene if casts_rays else stage.scene  # tumours are there for the rays alone
         self.data: mujoco.MjData = scene.new_data()
-        self.hilbert_map = _prior_map(stage, map_settings or MapSettings()) if has_map else None
+        self.hilbert_map = _prior_map(stage, map_settings or MapSettings(), insets) if has_map else None
         self.prediction: Prediction | None = None
         self._casts_rays = casts_rays
         self._probe = Probe(scene, probe_settings)
@@ -235,7 +247,8 @@ class Episode:
             self.prediction = self.hilbert_map.predict_lattice()
 
 
-def _prior_map(stage: Stage, settings: MapSettings) -> HilbertMap:
-    return HilbertMap(
+def _prior_map(stage: Stage, settings: MapSettings, insets: InsetSettings | None) -> HilbertMap | DetailedMap:
+    coarse = HilbertMap(
         stage.hinges, settings, query=stage.query, query_mask=stage.is_inside, hinge_mask=stage.hinge_mask
     )
+    return coarse if insets is None else DetailedMap(coarse, insets)

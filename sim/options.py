@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from mapping import MapSettings
+from mapping import InsetSettings, MapSettings
 from planner import Planner, make_planner, planner_names
 
 from .errors import UsageError
@@ -134,6 +134,8 @@ class EpisodeOptions:
     """By default what the planner prefers: paper for expected-improvement and the baselines, else calibrated. paper is
     what the paper assumes, half of the organ tumour, under which expected improvement explores; calibrated expects 2
     per cent, and its probabilities mean what they say."""
+    map_insets: Literal["on", "off"] | None = None
+    """Finer maps laid in where tumour was sensed; by default on with calibrated settings and off with the paper's."""
     prior_prevalence: float | None = None
     """Share of the organ expected to be tumour before anything is sensed, in place of --map-settings'."""
     weight_variance: float | None = None
@@ -274,10 +276,14 @@ class EpisodeOptions:
         """Whether the episode keeps a map."""
         return self.map == "always" or self.make_planner().needs_belief
 
+    def make_insets(self) -> InsetSettings | None:
+        """Settings of the finer maps; None for none."""
+        is_on = self._map_name() != "paper" if self.map_insets is None else self.map_insets == "on"
+        return InsetSettings() if is_on else None
+
     def make_map_settings(self) -> MapSettings:
         """The map's settings."""
-        name = self.map_settings or self.make_planner().preferred_map
-        settings = MapSettings.paper() if name == "paper" else MapSettings()
+        settings = MapSettings.paper() if self._map_name() == "paper" else MapSettings()
         changes: dict[str, Any] = {
             "form": self.map_form,
             "prior_prevalence": self.prior_prevalence,
@@ -290,6 +296,9 @@ class EpisodeOptions:
             )
         except ValueError as error:
             raise UsageError(f"{error}.") from error
+
+    def _map_name(self) -> str:
+        return self.map_settings or self.make_planner().preferred_map
 
     def out_folder(self, scenario: Scenario) -> Path:
         """The folder asked for, or the one that names scenario, planner and seed."""

@@ -58,6 +58,7 @@ def make_episode(
         planner or options.make_planner(),
         seed=options.seed,
         map_settings=options.make_map_settings(),
+        insets=options.make_insets(),
         mover=make_mover(stage, options.motion, motion_settings, options.make_servo_settings()),
         sensing_s=motion_settings.sensing_s,
         has_map=options.keeps_map(),

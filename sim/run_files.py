@@ -28,6 +28,7 @@ def run_config(options: EpisodeOptions, stage: Stage, map_settings: Any) -> dict
         "options": dataclasses.asdict(options),
         "scenario": dataclasses.asdict(stage.scenario),
         "map": dataclasses.asdict(map_settings),
+        "insets": None if (insets := options.make_insets()) is None else dataclasses.asdict(insets),
         "T_world_organ": stage.T_world_organ,
         "T_input_world": np.linalg.inv(stage.T_world_organ),
         "input_axes": "LPS [m]: +x left, +y back, +z head of the patient; NIfTI has RAS [mm]",

@@ -1,8 +1,8 @@
 """Find-and-outline on what it was not tuned on, and how its stopping rule does: `python -m benchmarks.robustness`.
 
 Variations of the paper's scenario 1 with a free probe. Every episode runs until the planner is 95 % confident that
-nothing of 5 mm radius or more is left, or until its actions are used up; so one run tells both how soon 95 % was
-sensed and whether the episode ended too early.
+nothing of 8 mm radius or more is left (6 mm where the tumours are that small), or until its actions are used up. So
+one run tells both how soon 95 % was sensed and whether the episode ended too early.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import tyro
 from threadpoolctl import threadpool_limits
 
 from mapping import InsetSettings, MapSettings
-from planner import make_planner
+from planner import FindAndOutline
 from sim.comparison_tables import interval_text, table
 from sim.episode import Episode
 from sim.estimates import mean_estimate, share_interval
@@ -40,11 +40,13 @@ class Case:
     """Share of the labels that the sensor gets wrong."""
     is_told: bool = False
     """Whether the map is told that share."""
+    sure_radius_m: float = FindAndOutline().sure_radius_m
+    """Radius of the smallest tumours of which the stopping rule speaks [m]."""
 
 
 CASES = (
     Case("scenario 1"),
-    Case("radius 6 mm", {"tumour_radius_m": 0.006}),
+    Case("radius 6 mm", {"tumour_radius_m": 0.006}, sure_radius_m=0.006),
     Case("radius 24 mm", {"tumour_radius_m": 0.024}),
     Case("3 tumours", {"n_tumours": 3}),
     Case("6 tumours", {"n_tumours": 6}),
@@ -96,7 +98,8 @@ def run_seed(number: int, seed: int, options: Options) -> tuple[float, int, floa
     case = CASES[number]
     told = {"false_positive_rate": case.noise, "false_negative_rate": case.noise} if case.is_told else {}
     with threadpool_limits(limits=1):
-        planner, settings = make_planner("find-and-outline"), replace(MapSettings(), **told)
+        planner = FindAndOutline(sure_radius_m=case.sure_radius_m)
+        settings = replace(MapSettings(), **told)
         episode = NoisyEpisode(
             _stage(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
         )

@@ -28,7 +28,8 @@ class Box(NamedTuple):
 
     def holds(self, points_m: NDArray[np.float64], margin_m: float = 0.0) -> NDArray[np.bool_]:
         """Which points lie in the box or within a margin of its faces, shape (N,)."""
-        return ((points_m >= self.low_m - margin_m) & (points_m <= self.high_m + margin_m)).all(axis=1)
+        is_inside = (points_m >= self.low_m - margin_m) & (points_m <= self.high_m + margin_m)
+        return np.all(is_inside, axis=1)
 
 
 def boxes_around(points_m: NDArray[np.float64], *, margin_m: float, step_m: float) -> list[Box]:

@@ -30,6 +30,8 @@ class InsetSettings:
     """Distance between neighbouring hinges [m], half of the coarse map's; gamma follows from it."""
     margin_m: float = 0.012
     """A box reaches at least this far beyond the points called tumour [m]."""
+    tolerance: float = 3e-5
+    """As `MapSettings.tolerance`; what the narrower kernel itself leaves open is far more."""
     max_hinges: int = 2000
     """A box that would need more gets hinges farther apart; from the coarse map's spacing on it is left out."""
 
@@ -38,6 +40,8 @@ class InsetSettings:
         for name in ("hinge_spacing_m", "margin_m"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name} must be positive and finite, not {getattr(self, name)}")
+        if not 0.0 <= self.tolerance <= 0.1:
+            raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {self.tolerance}")
         if self.max_hinges < 1:
             raise ValueError(f"max_hinges must be at least 1, not {self.max_hinges}")
 
@@ -146,7 +150,12 @@ class DetailedMap:
         if spacing_m >= coarse_m or inside is None:
             return None
         gamma = self.settings.gamma_per_m2 * (coarse_m / spacing_m) ** 2
-        settings = replace(self.settings, hinge_spacing_m=spacing_m, gamma_per_m2=gamma)
+        settings = replace(
+            self.settings,
+            hinge_spacing_m=spacing_m,
+            gamma_per_m2=gamma,
+            tolerance=max(self._settings.tolerance, self.settings.tolerance),
+        )
         fine = HilbertMap(hinges, settings, query=inside.lattice, query_mask=inside.mask)
         return _Inset(fine, spacing_m, inside.indices)
 

@@ -4,7 +4,6 @@ from .cone import Cone
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
 from .find_and_outline import FindAndOutline
-from mapping import LabelledPoints
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
@@ -17,7 +16,6 @@ __all__ = [
     "Cone",
     "ExpectedImprovement",
     "FindAndOutline",
-    "LabelledPoints",
     "MultiResolution",
     "Planner",
     "PlannerError",

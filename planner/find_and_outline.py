@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .errors import PlannerError
 from .fine_lattice import FineLattice, fine_lattice
 from .frontier import n_clusters, probability_at, seen_weight, sensed_points
-from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
+from .hidden_balls import BallPrior, HiddenBalls, hidden_balls, still_hiding
 from .planner import Planner
 from .situation import Situation
 from .tour import MAX_STOPS, shortest_tour
@@ -25,6 +25,8 @@ _CANDIDATE_GAP_M = 0.02
 """Where ways count, the best pose of each cube of this side is looked at [m]."""
 _CLUSTER_GAP_M = 0.01
 """Likely tumour farther apart than about this counts as two tumours [m]."""
+_SURE_RADIUS_RATIO = 1.25
+"""The largest of the balls that confidence is about is this much larger than the smallest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,10 +47,8 @@ class FindAndOutline(Planner):
     """How much a second of transfer counts against one of sensing: 0 for the fewest actions, more for shorter ways."""
     batch: int = 1
     """Poses that the search chooses together and visits in the order of the shortest way."""
-    sure_radius_m: float = 0.005
+    sure_radius_m: float = 0.008
     """Confidence that nothing is left speaks of tumours of this radius and more [m]."""
-    sure_overlap_share: float = 0.25
-    """A cone that reaches this deep into a ball, as a share of its radius, would have returned tumour."""
     balls: BallPrior = field(default_factory=BallPrior)
     """What the search takes for possible."""
 
@@ -57,7 +57,7 @@ class FindAndOutline(Planner):
         for name in ("margin_m", "least_gain_m3", "sure_radius_m"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise PlannerError(f"{name} must be above 0 and finite, got {getattr(self, name)}")
-        for name in ("floor", "fading", "sure_overlap_share"):
+        for name in ("floor", "fading"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise PlannerError(f"{name} must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
         if not 0.0 <= self.travel_weight < np.inf:
@@ -146,22 +146,22 @@ class FindAndOutline(Planner):
     def confidence(self, situation: Situation) -> float:
         """Probability that no tumour of the radius or more is left to find; 0 while one is left to outline.
 
-        The number of tumours is Poisson of unknown rate with Jeffreys' prior. With k found among the share C of
-        what could hide, the rate is Gamma(k + 1/2, C), and none is left with probability C^(k + 1/2).
+        The number of tumours is Poisson of unknown rate, any rate being as likely as any other. With k found among
+        the share C of what could hide, the rate is Gamma(k + 1, C), and none is left with probability C^(k + 1).
+        Of tumours of at least a radius the smallest hide best, so C is that of balls hardly larger.
         """
         if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
             return 0.0
-        high_m = self.balls.radius_range_m[1]
-        range_m = (min(self.sure_radius_m, high_m), high_m)
-        prior = replace(self.balls, radius_range_m=range_m, overlap_share=self.sure_overlap_share)
+        range_m = (self.sure_radius_m, _SURE_RADIUS_RATIO * self.sure_radius_m)
+        prior = replace(self.balls, radius_range_m=range_m, overlap_share=0.5, radius_power=0.0)
         balls = self._hidden(situation, prior)
+        hiding = still_hiding(balls, situation.readings, situation.false_negative_rate)
         is_left = situation.available(exclude_sensed=True)
-        is_found = balls.times_found(situation.sensed) > 0
-        is_findable = is_found | (balls.finds.T @ is_left.astype(np.float32) > 0)
-        share = float(balls.weights[is_found].sum() / max(balls.weights[is_findable].sum(), 1e-30))
+        is_findable = (hiding < balls.weights) | (balls.finds.T @ is_left.astype(np.float32) > 0)
+        share = 1.0 - hiding[is_findable].sum() / max(balls.weights[is_findable].sum(), 1e-30)
         lattice = fine_lattice(situation.search_points_m)
         tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
-        return min(share, 1.0) ** (n_clusters(tumour_m, _CLUSTER_GAP_M) + 0.5)
+        return float(share) ** (n_clusters(tumour_m, _CLUSTER_GAP_M) + 1)
 
     def _hidden(self, situation: Situation, prior: BallPrior | None = None) -> HiddenBalls:
         return hidden_balls(

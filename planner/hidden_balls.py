@@ -8,6 +8,7 @@ and the next pose of a search is that which finds the most of the balls nobody h
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import KDTree
 from scipy.stats import qmc
+
+from mapping import LabelledPoints
 
 from .cone import Cone
 from .keyed_array import KeyedArray
@@ -33,11 +36,11 @@ class BallPrior:
 
     n_balls: int = 3000
     """Balls drawn; their error in a share of the organ is below 1 / sqrt(n)."""
-    radius_range_m: tuple[float, float] = (0.003, 0.025)
-    """Radii [m], even in the logarithm: from what ultrasound just makes out to what nobody overlooks."""
+    radius_range_m: tuple[float, float] = (0.008, 0.025)
+    """Radii [m], even in the logarithm. Smaller ones do hide, but a search that minds them finds all others later."""
     overlap_share: float = 0.75
     """How deep into a ball a cone has to reach to find it, as a share of the radius."""
-    radius_power: float = 1.0
+    radius_power: float = 2.0
     """Balls count by this power of their radius."""
 
 
@@ -83,6 +86,29 @@ def hidden_balls(
     """
     distance = None if surface_distance_m is None else KeyedArray(surface_distance_m)
     return _hidden_balls(workspace, cone, KeyedArray(points_m), distance, prior)
+
+
+def still_hiding(
+    balls: HiddenBalls, readings: Sequence[LabelledPoints], false_negative_rate: float
+) -> NDArray[np.float64]:
+    """What each ball counts in the light of the readings, shape (B,).
+
+    A tumour calls the points inside it tumour, so each that was called free leaves the ball's weight times the rate of
+    false labels. A ball that holds a point called tumour is not hidden and counts nothing.
+
+    Args:
+        balls: The balls.
+        readings: What each sensing action returned.
+        false_negative_rate: Share of tumour points that the sensor is believed to call free.
+    """
+    weights = balls.weights.astype(np.float64)
+    for is_occupied in (True, False):
+        points_m = [reading.points_m[reading.is_occupied == is_occupied] for reading in readings]
+        rate = 0.0 if is_occupied else false_negative_rate
+        if points_m and len(together_m := np.concatenate(points_m)):
+            tree = KDTree(together_m, balanced_tree=False, compact_nodes=False)  # quick to build, asked once
+            weights *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)
+    return weights
 
 
 @lru_cache(maxsize=4)

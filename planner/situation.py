@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping import Prediction
+from mapping import LabelledPoints, Prediction
 
 from .cone import Cone
 from .errors import PlannerError
-from mapping import LabelledPoints
 from .workspace import Workspace
 
 _TIP_SPEED_M_S = 0.25
@@ -41,6 +40,8 @@ class Situation:
     """What each sensing action returned, in order."""
     false_positive_rate: float = 0.0
     """Share of free points that the sensor is believed to call tumour."""
+    false_negative_rate: float = 0.0
+    """Share of tumour points that the sensor is believed to call free."""
     motion_s: Callable[[NDArray[np.intp]], NDArray[np.float64]] | None = None
     """Modelled time of the transfer from above the last pose to above others [s], infinite where the arm cannot get;
     None if nobody can say, as before the first action."""

@@ -113,14 +113,14 @@ class Episode:
         self.truth: Truth = make_truth(stage, truth_rng)
         scene = self.truth.scene if casts_rays else stage.scene  # tumours are there for the rays alone
         self.data: mujoco.MjData = scene.new_data()
-        self.hilbert_map = _prior_map(stage, map_settings or MapSettings(), insets) if has_map else None
+        self._map_settings = map_settings or MapSettings()
+        self.hilbert_map = _prior_map(stage, self._map_settings, insets) if has_map else None
         self.prediction: Prediction | None = None
         self._casts_rays = casts_rays
         self._probe = Probe(scene, probe_settings)
         self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
         self._readings: list[LabelledPoints] = []
-        self._false_positive_rate = (map_settings or MapSettings()).false_positive_rate
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
 
@@ -216,7 +216,8 @@ class Episode:
             is_visible=self.stage.is_visible,
             surface_distance_m=self.stage.surface_distance_m,
             readings=tuple(self._readings),
-            false_positive_rate=self._false_positive_rate,
+            false_positive_rate=self._map_settings.false_positive_rate,
+            false_negative_rate=self._map_settings.false_negative_rate,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,

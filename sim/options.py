@@ -147,7 +147,7 @@ class EpisodeOptions:
     10 for far shorter ways."""
     batch: int = 1
     """Of find-and-outline: poses that its search chooses together and visits in the order of the shortest way."""
-    sure_radius_mm: float = 5.0
+    sure_radius_mm: float = 8.0
     """Of find-and-outline: its confidence, and so --until-confident, speaks of tumours of this radius and more [mm]."""
     ei_values: Literal["latent", "probability"] = "latent"
     """Expected improvement of the map's latent or of its probability."""

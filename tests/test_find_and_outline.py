@@ -10,10 +10,11 @@ from planner_situations import flat_workspace, make_situation
 from scipy.stats import nbinom
 from searched import CONE, FEW, PLANNER, POINTS, play, situation
 
-from planner import FindAndOutline, LabelledPoints, PlannerError, Workspace
+from mapping import LabelledPoints
+from planner import FindAndOutline, PlannerError, Workspace
 from planner.fine_lattice import fine_lattice
 from planner.frontier import n_clusters, seen_weight
-from planner.hidden_balls import distance_to_cones, hidden_balls
+from planner.hidden_balls import distance_to_cones, hidden_balls, still_hiding
 from planner.tour import shortest_tour
 
 # --- search ---
@@ -180,24 +181,58 @@ def test_it_chooses_the_same_whatever_the_generator():
 # --- stopping ---
 
 
+def seen_free(workspace, sensed, n_points=1000):
+    """Readings of a sensor that finds nothing: points even in each cone, those outside the organ's box left out."""
+    rng = np.random.default_rng(0)
+    readings = []
+    for pose in sensed:
+        depth_m = CONE.depth_m * np.cbrt(rng.random(n_points))
+        radius_m = depth_m * math.tan(CONE.half_angle_rad) * np.sqrt(rng.random(n_points))
+        turn = rng.uniform(0.0, 2.0 * np.pi, n_points)
+        offset_m = np.column_stack([radius_m * np.cos(turn), radius_m * np.sin(turn), -depth_m])
+        readings.append(
+            LabelledPoints(workspace.positions_m[pose] + offset_m, np.zeros(n_points, dtype=bool))
+        )
+    return tuple(readings)
+
+
 def test_the_confidence_is_the_negative_binomials_chance_of_no_more():
-    # k found at coverage C: hidden ~ NegBin(k + 1/2, C), whose mass at 0 is C^(k + 1/2).
+    # k found at coverage C: hidden ~ NegBin(k + 1, C), whose mass at 0 is C^(k + 1).
     for k, share in ((0, 0.7), (3, 0.95)):
-        assert nbinom.pmf(0, k + 0.5, share) == pytest.approx(share ** (k + 0.5), rel=1e-12)
-    workspace = flat_workspace()
-    asked = situation(workspace=workspace, sensed=(90, 210, 305))
-    balls = hidden_balls(workspace, CONE, POINTS, None, replace(FEW, overlap_share=0.25))  # of 5 mm and more
-    share = balls.weights[balls.times_found((90, 210, 305)) > 0].sum() / balls.weights.sum()
+        assert nbinom.pmf(0, k + 1, share) == pytest.approx(share ** (k + 1), rel=1e-12)
+    workspace, sensed = flat_workspace(), (90, 210, 305)
+    readings = seen_free(workspace, sensed)
+    asked = situation(workspace=workspace, sensed=sensed, readings=readings)
     assert PLANNER.confidence(situation(workspace=workspace)) == 0.0
-    balls_of_asked = PLANNER.confidence(asked)
-    assert balls_of_asked == pytest.approx(share**0.5, abs=0.02)
+    # By another way: balls of 5 mm drawn at random, looked at if any point lies inside.
+    rng = np.random.default_rng(1)
+    centres_m = rng.uniform([-0.08, -0.08, -0.08], [0.08, 0.08, -0.01], (1500, 3))
+    points_m = np.concatenate([reading.points_m for reading in readings])
+    gap_m = np.min(np.linalg.norm(centres_m[:, None] - points_m, axis=2), axis=1)
+    assert PLANNER.confidence(asked) == pytest.approx(np.mean(gap_m < 0.0056), abs=0.03)
+
+
+def test_a_ball_hides_where_no_point_was_called_free_or_tumour_inside_it():
+    workspace = flat_workspace()
+    balls = hidden_balls(workspace, CONE, POINTS, None, FEW)
+    assert still_hiding(balls, (), 0.0) == pytest.approx(balls.weights)
+    ball = int(np.argmax(balls.radii_m))
+    inside_m = balls.centres_m[ball] + balls.radii_m[ball] * np.array([[0.5, 0, 0], [0, 0.9, 0], [0, 0, 1.1]])
+    free = (LabelledPoints(inside_m, np.zeros(3, dtype=bool)),)
+    assert still_hiding(balls, free, 0.0)[ball] == 0.0
+    assert still_hiding(balls, free, 0.3)[ball] == pytest.approx(balls.weights[ball] * 0.3**2)
+    found = (LabelledPoints(inside_m, np.array([True, False, False])),)
+    assert still_hiding(balls, found, 0.3)[ball] == 0.0
 
 
 def test_without_a_tumour_it_becomes_sure_and_with_an_open_one_it_is_not():
     workspace = flat_workspace()
-    sensed, _ = play(PLANNER, 50, workspace)
+    planner = replace(PLANNER, sure_radius_m=0.012)
+    sensed, _ = play(planner, 50, workspace)
+    readings = seen_free(workspace, sensed)
     confidences = [
-        PLANNER.confidence(situation(workspace=workspace, sensed=sensed[:n])) for n in (1, 5, 10, 20, 50)
+        planner.confidence(situation(workspace=workspace, sensed=sensed[:n], readings=readings[:n]))
+        for n in (1, 5, 10, 20, 50)
     ]
     assert all(later >= earlier for earlier, later in itertools.pairwise(confidences))
     assert confidences[-1] > 0.95

@@ -1,4 +1,4 @@
-"""Find, then outline: search where most could still hide, and cover what was found to its edge."""
+"""Find and outline: search where most could still hide, and cover what was found to its edge."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SURE_RADIUS_RATIO = 1.25
 
 @dataclass(frozen=True, kw_only=True)
 class FindAndOutline(Planner):
-    """Two jobs: outlines whatever was found and not yet covered, and searches when nothing is left to outline."""
+    """Two jobs, weighed in one unit: the tumour volume that a pose is expected to newly see."""
 
     needs_belief: ClassVar[bool] = True
 
@@ -41,6 +41,8 @@ class FindAndOutline(Planner):
     """Least probability granted to such a place: the map's edges are not sharp enough to deny it."""
     least_gain_m3: float = 5e-8
     """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
+    hidden_m3: float = 3e-6
+    """Tumour volume that a search of the whole organ is expected to find [m^3]: weighs finding against outlining."""
     fading: float = 0.03
     """What a ball still counts each time that it was looked at and nothing was found."""
     travel_weight: float = 0.0
@@ -54,7 +56,7 @@ class FindAndOutline(Planner):
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        for name in ("margin_m", "least_gain_m3", "sure_radius_m"):
+        for name in ("margin_m", "least_gain_m3", "hidden_m3", "sure_radius_m"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise PlannerError(f"{name} must be above 0 and finite, got {getattr(self, name)}")
         for name in ("floor", "fading"):
@@ -66,7 +68,7 @@ class FindAndOutline(Planner):
             raise PlannerError(f"batch must be 1 to {MAX_STOPS}, got {self.batch}")
 
     def rank(self, situation: Situation) -> Iterator[int]:
-        """The poses that outline most, if any outlines enough, then those that find most of what could hide.
+        """The poses by the tumour volume that they outline and are expected to find, most first.
 
         Poses near one that fails while the ranking is read come later than they would have.
         """
@@ -117,14 +119,12 @@ class FindAndOutline(Planner):
         return float(np.max(outline, where=is_left, initial=0.0)) >= self.least_gain_m3
 
     def score(self, situation: Situation) -> NDArray[np.float64]:
-        """What each pose is worth, 0 or above, shape (N,): outlining first, searching else and among equals."""
-        search = self.search_score(situation)
+        """Tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above."""
+        found_m3 = self.hidden_m3 * self.search_score(situation)
         if not situation.sensed:
-            return search
-        outline = self.outline_score(situation)
-        if not self._is_worth_outlining(outline, situation):
-            return search
-        return outline / self.least_gain_m3 + 1e-3 * search
+            return found_m3
+        outlined_m3 = self.outline_score(situation)
+        return found_m3 + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
         """Share of what could still hide that each pose would find, shape (N,)."""

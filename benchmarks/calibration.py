@@ -1,7 +1,8 @@
 """Is a probability of the map what it says? Reliability over many seeded episodes of the scenario `spheres`.
 
     python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 10]
-        [--gamma-spacing2 0.52 0.70] [--planner random] [--readings 50] [--figure docs/figures/calibration.png]
+        [--gamma-spacing2 0.52 0.70] [--insets off on] [--planner random] [--readings 50]
+        [--figure docs/figures/calibration.png]
 
 A planner's episode gives the readings, without an arm; every setting of the map learns the same ones. Expected
 improvement plans on the paper's map: under a low prior it would stay at the first tumour.
@@ -23,7 +24,16 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from mapping import HilbertMap, MapSettings, average_precision, dice, expected_calibration_error, log_loss
+from mapping import (
+    DetailedMap,
+    HilbertMap,
+    InsetSettings,
+    MapSettings,
+    average_precision,
+    dice,
+    expected_calibration_error,
+    log_loss,
+)
 from planner import make_planner
 from sim.episode import Episode
 from sim.scenarios import load_scenario
@@ -49,7 +59,10 @@ class Answers:
         return (self.probability > 0.02) & (self.probability < 0.98)
 
 
-def collect(planner: str, seeds: range, n_readings: int, settings: list[MapSettings]) -> list[Answers]:
+Choice = tuple[MapSettings, InsetSettings | None]
+
+
+def collect(planner: str, seeds: range, n_readings: int, settings: list[Choice]) -> list[Answers]:
     """The answers of each setting, all from the same readings."""
     stage = build_stage(load_scenario("spheres"), None, MapSettings.paper())
     logits, truths = [[] for _ in settings], []
@@ -61,14 +74,17 @@ def collect(planner: str, seeds: range, n_readings: int, settings: list[MapSetti
         readings = [step.reading for step in episode.steps(n_readings)]
         truths.append(episode.truth.is_tumour)
         for of_setting, chosen in zip(logits, settings, strict=True):
-            of_setting.append(learnt_logits(stage, chosen, readings))
+            of_setting.append(learnt_logits(stage, *chosen, readings))
     return [Answers(np.array(of_setting), np.array(truths)) for of_setting in logits]
 
 
-def learnt_logits(stage: Stage, settings: MapSettings, readings: list[Reading]) -> NDArray[np.float64]:
-    belief = HilbertMap(
+def learnt_logits(
+    stage: Stage, settings: MapSettings, insets: InsetSettings | None, readings: list[Reading]
+) -> NDArray[np.float64]:
+    coarse = HilbertMap(
         stage.hinges, settings, query=stage.query, query_mask=stage.is_inside, hinge_mask=stage.hinge_mask
     )
+    belief = coarse if insets is None else DetailedMap(coarse, insets)
     for reading in readings:
         belief.update(reading.points_m, reading.is_occupied)
     return belief.predict_lattice().score
@@ -126,30 +142,35 @@ def main() -> None:
     parser.add_argument("--prevalence", type=float, nargs="+", default=[MapSettings().prior_prevalence])
     parser.add_argument("--variance", type=float, nargs="+", default=[MapSettings().weight_variance])
     parser.add_argument("--gamma-spacing2", type=float, nargs="+", default=[default_gamma_spacing2()])
+    parser.add_argument("--insets", nargs="+", choices=("off", "on"), default=["off"])
     parser.add_argument("--planner", nargs="+", choices=PLANNERS, default=list(PLANNERS))
     parser.add_argument("--figure", type=Path, default=None)
     arguments = parser.parse_args()
     answers = {}
     print(
-        "| planner | gamma spacing^2 | prior prevalence | weight variance | points in doubt | calibration error "
-        "| slope | skill | AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|---|"
+        "| planner | gamma spacing^2 | prior prevalence | weight variance | insets | points in doubt "
+        "| calibration error | slope | skill | AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    choices = list(product(arguments.gamma_spacing2, arguments.prevalence, arguments.variance))
+    asked = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
+    choices = list(product(*asked))
     settings = [
-        MapSettings(
-            gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
-            prior_prevalence=prevalence,
-            weight_variance=variance,
+        (
+            MapSettings(
+                gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
+                prior_prevalence=prevalence,
+                weight_variance=variance,
+            ),
+            InsetSettings() if insets == "on" else None,
         )
-        for gamma_spacing2, prevalence, variance in choices
+        for gamma_spacing2, prevalence, variance, insets in choices
     ]
     with threadpool_limits(1):
         for planner in arguments.planner:
             for choice, answer in zip(
                 choices, collect(planner, seeds, arguments.readings, settings), strict=True
             ):
-                names = [planner, *(f"{value:.3g}" for value in choice)]
+                names = [planner, *(f"{value:.3g}" for value in choice[:-1]), str(choice[-1])]
                 answers[", ".join(names)] = answer
                 numbers = [f"{value:.3g}" for value in summary(answer).values()]
                 print(f"| {' | '.join(names + numbers)} |", flush=True)

@@ -26,6 +26,7 @@ from planner import Planner, Situation
 from .motion import Motion, Mover
 from .movers import make_mover
 from .stage import Stage
+from .target_belief import TargetBelief, TargetScore
 from .truth import Truth, make_truth
 from .world.ik_result import IkResult
 from .world.motion_settings import MotionSettings
@@ -64,6 +65,8 @@ class Step:
     move_s: float
     sense_s: float
     update_s: float
+    target: TargetScore | None = None
+    """How a second class stands; None where none is mapped."""
 
 
 class Episode:
@@ -82,6 +85,7 @@ class Episode:
         sensing_s: float = MotionSettings().sensing_s,
         has_map: bool = True,
         casts_rays: bool = True,
+        plans_for_target: bool = False,
     ) -> None:
         """Make the truth of the seed and the prior map.
 
@@ -97,9 +101,10 @@ class Episode:
             has_map: Whether a map is kept; only planners that need no belief can go without.
             casts_rays: Whether readings hold points. Without a map nothing but the share sensed is asked of a
                 reading, and for that where the tip is suffices.
+            plans_for_target: Whether the planner is shown the belief about a second class in place of the tumours'.
 
         Raises:
-            ValueError: A planner that needs a belief without a map, or a negative seed.
+            ValueError: A planner that needs a belief without a map, a negative seed, or no second class to plan for.
             WorldError: No place for the tumours was found.
         """
         if seed < 0:
@@ -116,11 +121,20 @@ class Episode:
         self._map_settings = map_settings or MapSettings()
         self.hilbert_map = _prior_map(stage, self._map_settings, insets) if has_map else None
         self.prediction: Prediction | None = None
+        self.target: TargetBelief | None = None
+        if self.truth.target is not None:
+            own_map = _prior_map(stage, self._map_settings, insets) if has_map else None
+            self.target = TargetBelief(self.truth.target, stage.cone, own_map)
+        if plans_for_target and self.target is None:
+            raise ValueError(
+                "plans_for_target=True: the stage has no second class. Give it targets, or leave it out."
+            )
+        self._plans_for_target = plans_for_target
         self._casts_rays = casts_rays
         self._probe = Probe(scene, probe_settings)
         self._mover, self._sensing_s = mover or make_mover(stage), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
-        self._readings: list[LabelledPoints] = []
+        self.readings: list[LabelledPoints] = []
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
 
@@ -131,7 +145,7 @@ class Episode:
 
         Args:
             n_steps: Actions at most.
-            until_sensed: Share of the detection points at which to stop early; None for never.
+            until_sensed: Share of the detection points, of the class planned for, at which to stop; None for never.
             until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
         """
         self._predict()
@@ -140,7 +154,12 @@ class Episode:
             if step is None:
                 return
             yield step
-            if until_sensed is not None and (step.sensed_fraction or 0.0) >= until_sensed:
+            sensed = (
+                step.target.sensed_fraction
+                if self._plans_for_target and step.target
+                else step.sensed_fraction
+            )
+            if until_sensed is not None and (sensed or 0.0) >= until_sensed:
                 return
             if until_confident is not None and self.confidence() >= until_confident:
                 return
@@ -164,8 +183,9 @@ class Episode:
         self._note_sensed(reading)
         sensed_s = perf_counter()
         auprc = self._update(reading)
+        target = self.target.learn(reading) if self.target is not None else None
         self.sensed.append(pose)
-        self._readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
+        self.readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
         return Step(
             step=number,
             pose_index=pose,
@@ -181,6 +201,7 @@ class Episode:
             move_s=move_s,
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
+            target=target,
         )
 
     def _choose(self) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
@@ -206,16 +227,21 @@ class Episode:
             skipped.append(self.skipped[pose])
         return None, skipped, ik_s, move_s
 
+    @property
+    def _planned_for(self) -> Episode | TargetBelief:
+        """Whose prediction and readings the planner sees."""
+        return self.target if self._plans_for_target and self.target is not None else self
+
     def _situation(self) -> Situation:
         travel = self._mover.travel
         return Situation(
             workspace=self.stage.workspace,
             cone=self.stage.cone,
             search_points_m=self.stage.search_points_m,
-            prediction=self.prediction,
+            prediction=self._planned_for.prediction,
             is_visible=self.stage.is_visible,
             surface_distance_m=self.stage.surface_distance_m,
-            readings=tuple(self._readings),
+            readings=tuple(self._planned_for.readings),
             false_positive_rate=self._map_settings.false_positive_rate,
             false_negative_rate=self._map_settings.false_negative_rate,
             sensed=tuple(self.sensed),

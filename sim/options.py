@@ -14,6 +14,7 @@ from mapping import InsetSettings, MapSettings
 from planner import Planner, make_planner, planner_names
 
 from .errors import UsageError
+from .organ_files import organ_changes
 from .organ_pose import pose_changes
 from .scenarios import GENERATED_LIVER, CodingName, MeshFrame, Scenario, Unit, load_scenario
 from .world.motion_settings import MotionSettings
@@ -22,9 +23,10 @@ from .world.servo_settings import ServoSettings
 Frames = Literal["each", "last", "none"]
 MotionKind = Literal["none", "kinematic", "servo"]
 MapKept = Literal["always", "when-needed"]
+PlanFor = Literal["tumours", "target"]
 PATIENT_OPTIONS = (
-    *("tumour", "organ_label", "tumour_label", "structure", "structure_label", "keepout", "keepout_label"),
-    "spacing_mm",
+    *("tumour", "organ_label", "tumour_label", "target", "target_label"),
+    *("structure", "structure_label", "keepout", "keepout_label", "spacing_mm"),
 )
 """Options that mean nothing without a patient's own files."""
 PLANNERS = ", ".join(planner_names())
@@ -97,6 +99,14 @@ class EpisodeOptions:
     """Labels of the organ, in place of the coding's; tumours are added to it."""
     tumour_label: tuple[int, ...] = ()
     """Labels of tumours, in place of the coding's."""
+    target: tuple[Path, ...] = ()
+    """Meshes or label volumes of a second class, such as cysts, that is mapped beside the tumours."""
+    target_label: tuple[int, ...] = ()
+    """Labels of that class."""
+    target_name: str | None = None
+    """What to call it; target by default."""
+    plan_for: PlanFor = "tumours"
+    """Whose map the planner is shown, tumours or target; --until-sensed goes with it."""
     structure: tuple[Path, ...] = ()
     """Meshes or masks of vessels and other structures: shown, and measured to."""
     structure_label: tuple[int, ...] = ()
@@ -194,30 +204,15 @@ class EpisodeOptions:
         if self.n_tumours is not None:
             changes |= {"n_tumours": self.n_tumours, "tumour_load": "fixed"}
         if self.organ is not None:
-            changes |= self._organ_changes(self.organ)
-        return dataclasses.replace(scenario, **changes)
-
-    def _organ_changes(self, organ: Path) -> dict[str, Any]:
-        """Fields of the scenario that the files of a patient replace."""
-        spacing = self.spacing_mm
-        return {
-            "name": organ.name.split(".")[0],
-            "organ": str(organ),
-            "organ_unit": self.unit,
-            "organ_frame": self.mesh_frame,
-            "tumour_files": tuple(str(file) for file in self.tumour),
-            "structure_files": tuple(str(file) for file in self.structure),
-            "keepout_files": tuple(str(file) for file in self.keepout),
-            "keepout_distance_m": self.keepout_mm * 1e-3,
-            "label_coding": self.coding,
-            "organ_labels": self.organ_label,
-            "tumour_labels": self.tumour_label,
-            "structure_labels": self.structure_label,
-            "keepout_labels": self.keepout_label,
-            "voxel_spacing_m": None if spacing is None else tuple(each * 1e-3 for each in spacing),
-            "n_tumours": self.n_tumours or 0,
-            "tumour_load": "fixed",
-        }
+            changes |= organ_changes(self, self.organ)
+        if self.target_name is not None:
+            changes["target_name"] = self.target_name
+        scenario = dataclasses.replace(scenario, **changes)
+        if self.plan_for == "target" and not scenario.has_target:
+            raise UsageError(
+                "--plan-for target: there is none. Give --target FILE or --target-label N, or leave it out."
+            )
+        return scenario
 
     def make_motion_settings(self) -> MotionSettings:
         """The motion's settings."""

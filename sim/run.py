@@ -63,6 +63,7 @@ def make_episode(
         sensing_s=motion_settings.sensing_s,
         has_map=options.keeps_map(),
         casts_rays=casts_rays,
+        plans_for_target=options.plan_for == "target",
     )
 
 

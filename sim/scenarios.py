@@ -18,6 +18,7 @@ Placing = Literal["table", "best"]
 PAPER_ORGAN = "paper-organ"
 LIVER = "liver"
 GENERATED_LIVER = "generated-liver"
+MOST_NAME_LETTERS = 40
 PAPER_UNIT_M = 0.03
 """One unit of length of the paper; see docs/architecture.md."""
 
@@ -45,6 +46,10 @@ class Scenario:
     tumour_files: tuple[str, ...] = ()
     """Meshes or label volumes of the true tumours, in the organ's coordinates. Where no file holds any, tumours are
     planted by seed."""
+    target_name: str = "target"
+    """What to call a second class that is mapped beside the tumours, for example cysts."""
+    target_files: tuple[str, ...] = ()
+    """Meshes or label volumes of its bodies, in the organ's coordinates; none is ever planted by seed."""
     structure_files: tuple[str, ...] = ()
     """Meshes or masks of vessels and other structures to show, in the organ's coordinates."""
     keepout_files: tuple[str, ...] = ()
@@ -57,6 +62,8 @@ class Scenario:
     """Labels of the organ, in place of the coding's."""
     tumour_labels: tuple[int, ...] = ()
     """Labels of tumours, in place of the coding's."""
+    target_labels: tuple[int, ...] = ()
+    """Labels of the second class; its bodies are added to the organ, as tumours are."""
     structure_labels: tuple[int, ...] = ()
     """Labels of structures to show."""
     keepout_labels: tuple[int, ...] = ()
@@ -100,6 +107,7 @@ class Scenario:
             _require(type(value) in (int, float), f"{name}={value!r}: a number.")
         _require(0 <= self.n_tumours <= 50, f"n_tumours={self.n_tumours}: from 0 to 50.")
         self._check_files()
+        self._check_target()
         _require(
             self.tumour_shape in get_args(TumourShape),
             f"tumour_shape={self.tumour_shape!r}: sphere or lobulated.",
@@ -126,13 +134,34 @@ class Scenario:
         if (self.organ_position_m is None) != (self.organ_quaternion is None):
             raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
 
+    @property
+    def has_target(self) -> bool:
+        """Whether a second class is mapped beside the tumours."""
+        return bool(self.target_files or self.target_labels)
+
+    def _check_target(self) -> None:
+        name, n_most = self.target_name, MOST_NAME_LETTERS
+        is_name = (
+            type(name) is str and 0 < len(name) <= n_most and name.isprintable() and name == name.strip()
+        )
+        _require(is_name, f"target_name={name!r}: a name of 1 to {n_most} letters.")
+        _require(
+            not self.has_target or self.organ not in (LIVER, PAPER_ORGAN, GENERATED_LIVER),
+            f"target_files, target_labels: go with an organ's own file, not with organ={self.organ!r}.",
+        )
+        _require(
+            self.has_target or name == "target",
+            f"target_name={name!r}: names nothing. Give the class's bodies (--target FILE or --target-label N; in a "
+            "scenario target_files or target_labels), or leave the name out.",
+        )
+
     def _check_files(self) -> None:
         kinds = {"organ_unit": Unit, "organ_frame": MeshFrame, "label_coding": CodingName}
         kinds |= {"tumour_load": TumourLoad, "organ_placing": Placing}
         for name, kind in kinds.items():
             value, known = getattr(self, name), get_args(kind)
             _require(value in known, f"{name}={value!r}: {' or '.join(known)}.")
-        for name in ("organ_labels", "tumour_labels", "structure_labels", "keepout_labels"):
+        for name in ("organ_labels", "tumour_labels", "target_labels", "structure_labels", "keepout_labels"):
             labels = getattr(self, name)
             is_labels = all(type(each) is int and 1 <= each <= 65_535 for each in labels)
             _require(is_labels, f"{name}={labels}: whole numbers from 1 to 65535.")
@@ -208,7 +237,7 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
     values.setdefault("name", path.stem)
     if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN, GENERATED_LIVER):
         values["organ"] = str(path.parent / str(values["organ"]))
-    for key in ("tumour_files", "structure_files", "keepout_files"):
+    for key in ("tumour_files", "target_files", "structure_files", "keepout_files"):
         if key in values:
             values[key] = tuple(str(path.parent / file) for file in values[key])
     try:

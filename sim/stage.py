@@ -50,6 +50,10 @@ class Stage:
     """Tumours that the scenario's files hold, world frame [m]; empty where they are planted."""
     tumour_names: tuple[str, ...]
     """What to call each of these in messages."""
+    given_targets: tuple[Solid, ...]
+    """The bodies of a second class to be mapped, world frame [m]; empty where there is no such class."""
+    target_names: tuple[str, ...]
+    """What to call each of these in messages."""
     structures: tuple[Structure, ...]
     """Vessels and the like, world frame [m]."""
     T_world_organ: NDArray[np.float64]
@@ -108,6 +112,8 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
         organ=organ,
         given_tumours=placed.tumours,
         tumour_names=placed.tumour_names,
+        given_targets=placed.targets,
+        target_names=placed.target_names,
         structures=placed.structures,
         T_world_organ=placed.T_world_organ,
         workspace=workspace,
@@ -148,7 +154,7 @@ def placed_organ(scenario: Scenario, arm: ArmModel | None = None) -> tuple[Place
     loaded = load_scenario_anatomy(scenario)
     placed = _put_in_world(scenario, loaded, arm)
     placed = placed.with_structures(loaded.structures).with_tumour_names(loaded.tumour_names)
-    return placed, loaded.notices
+    return placed.with_targets(loaded.targets, loaded.target_names), loaded.notices
 
 
 def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
@@ -168,6 +174,7 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
         AnatomyFiles(
             organ=scenario.organ,
             tumours=scenario.tumour_files,
+            targets=scenario.target_files,
             structures=scenario.structure_files,
             keepouts=scenario.keepout_files,
             unit=scenario.organ_unit,
@@ -176,6 +183,7 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
                 coding=scenario.label_coding,
                 organ=scenario.organ_labels,
                 tumours=scenario.tumour_labels,
+                targets=scenario.target_labels,
                 structures=scenario.structure_labels,
                 keepouts=scenario.keepout_labels,
             ),

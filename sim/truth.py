@@ -18,6 +18,18 @@ from .world.tumours import plant_load, plant_lobulated, plant_spheres
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class TargetTruth:
+    """What there is of a second class that is mapped beside the tumours."""
+
+    anatomy: Anatomy
+    """The organ with the class's bodies in the tumours' place, and the class's name."""
+    is_target: NDArray[np.bool_]
+    """Truth at the stage's search points, shape (M,)."""
+    attainable_fraction: float
+    """Share of the class's detection points that reachable poses can sense."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
     """What an episode is to find out. Only the sensor and the scores look at it."""
 
@@ -28,6 +40,8 @@ class Truth:
     """Truth at the stage's search points, shape (M,)."""
     attainable_fraction: float | None
     """Share of the detection points that reachable poses can sense; None without tumours."""
+    target: TargetTruth | None = None
+    """The truth of a second class, where one is mapped."""
 
     @cached_property
     def scene(self) -> Scene:
@@ -46,6 +60,7 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
     """
     plant_rng, points_rng = rng.spawn(2)
     tumours = stage.given_tumours or _planted(stage, plant_rng)
+    target = _target(stage, rng) if stage.given_targets else None
     anatomy = build_anatomy(
         stage.organ,
         tumours,
@@ -53,6 +68,7 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
         rng=points_rng,
         tumour_names=stage.tumour_names or None,
         structures=stage.structures,
+        target=target.anatomy if target is not None else None,
     )
     points_m = anatomy.detection_points_m
     fraction = _attainable_fraction(stage, points_m) if len(points_m) else None
@@ -61,6 +77,24 @@ def make_truth(stage: Stage, rng: np.random.Generator) -> Truth:
         stage=stage,
         is_tumour=anatomy.is_tumour(stage.search_points_m),
         attainable_fraction=fraction,
+        target=target,
+    )
+
+
+def _target(stage: Stage, rng: np.random.Generator) -> TargetTruth:
+    """The truth of the second class, with a stream of its own after those of the tumours."""
+    (points_rng,) = rng.spawn(1)
+    anatomy = build_anatomy(
+        stage.organ,
+        stage.given_targets,
+        name=stage.scenario.target_name,
+        rng=points_rng,
+        tumour_names=stage.target_names,
+    )
+    return TargetTruth(
+        anatomy=anatomy,
+        is_target=anatomy.is_tumour(stage.search_points_m),
+        attainable_fraction=_attainable_fraction(stage, anatomy.detection_points_m),
     )
 
 

@@ -20,7 +20,7 @@ def test_everything_is_there_and_in_its_group(ball_anatomy, cone) -> None:
     group = {model.geom(i).name: int(model.geom_group[i]) for i in range(model.ngeom)}
     assert group["organ"] == Group.ORGAN
     assert [group[f"tumour{i}"] for i in range(3)] == [Group.TUMOUR] * 3
-    assert group["table"] == Group.TABLE
+    assert group["table"] == Group.SCENERY
     assert group["arm_link7"] == group["probe_head"] == Group.ARM
     assert model.nu == 7
 

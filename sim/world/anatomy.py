@@ -4,6 +4,8 @@ Truth is what lies inside the organ and inside a tumour. Segmented tumours may p
 what protrudes is never sensed and counts as nothing.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +42,8 @@ class Anatomy:
         detection_points_m: Points drawn evenly inside each tumour and the organ [m], shape (D, 3).
         detection_tumours: Index of the tumour each of these lies in, shape (D,).
         structures: Vessels and the like, in the same frame.
+        target: A second class to be mapped, as an anatomy of its own: the same organ, with the class's bodies in the
+            tumours' place and the class's name. None where there is none.
     """
 
     organ: Solid
@@ -49,6 +53,7 @@ class Anatomy:
     detection_points_m: NDArray[np.float64]
     detection_tumours: NDArray[np.int64]
     structures: tuple[Structure, ...] = ()
+    target: Anatomy | None = None
 
     def is_inside_organ(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """True for each point inside the organ. Points [m], shape (N, 3); result shape (N,)."""
@@ -91,6 +96,7 @@ def build_anatomy(
     tumour_names: tuple[str, ...] | None = None,
     n_detection_points: int = N_DETECTION_POINTS,
     structures: tuple[Structure, ...] = (),
+    target: Anatomy | None = None,
 ) -> Anatomy:
     """An anatomy whose tumours have been checked to lie in the organ.
 
@@ -103,6 +109,7 @@ def build_anatomy(
         tumour_names: What to call each tumour in messages; "tumour 1", "tumour 2", ... by default.
         n_detection_points: Detection points per tumour.
         structures: What lies in or about the organ, in the same frame.
+        target: The second class, if there is one; what is to be said of it is said of the whole.
 
     Returns:
         The anatomy.
@@ -121,11 +128,14 @@ def build_anatomy(
             remarks.append(
                 f"{tumour_name}: {outside_share:.0%} of it protrudes from the organ and is left out"
             )
+    remarks += target.notices if target is not None else ()
     points_m = np.concatenate(points)
     tumour_index = np.repeat(np.arange(len(tumours)), n_detection_points)
     points_m.setflags(write=False)
     tumour_index.setflags(write=False)
-    return Anatomy(organ, tuple(tumours), name, tuple(remarks), points_m, tumour_index, tuple(structures))
+    return Anatomy(
+        organ, tuple(tumours), name, tuple(remarks), points_m, tumour_index, tuple(structures), target
+    )
 
 
 def _draw_inside(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from .structures import Structure
 from .volume import Volume
 from .volume_files import is_volume, load_volume
 
+BodyKind = Literal["tumour", "target"]
+"""What is mapped in an organ: tumours, or the bodies of a second class."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AnatomyFiles:
@@ -31,6 +35,8 @@ class AnatomyFiles:
     """Mesh or label volume of the organ."""
     tumours: tuple[str, ...] = ()
     """Meshes or label volumes of tumours, besides those that the organ's volume holds."""
+    targets: tuple[str, ...] = ()
+    """Meshes or label volumes of a second class to be mapped, besides what the organ's volume holds of it."""
     structures: tuple[str, ...] = ()
     """Meshes or masks of structures to show."""
     keepouts: tuple[str, ...] = ()
@@ -53,6 +59,8 @@ class LoadedAnatomy:
         organ: The organ.
         tumours: Its tumours.
         tumour_names: What to call each.
+        targets: The bodies of a second class to be mapped.
+        target_names: What to call each.
         structures: What else there is.
         notices: One sentence for each repair, assumption and remarkable property.
     """
@@ -60,6 +68,8 @@ class LoadedAnatomy:
     organ: Solid
     tumours: tuple[Solid, ...] = ()
     tumour_names: tuple[str, ...] = ()
+    targets: tuple[Solid, ...] = ()
+    target_names: tuple[str, ...] = ()
     structures: tuple[Structure, ...] = ()
     notices: tuple[str, ...] = ()
 
@@ -78,22 +88,38 @@ def load_anatomy(files: AnatomyFiles) -> LoadedAnatomy:
         notices += mesh.notices
         found = LabelledAnatomy(organ=mesh.solid)
         _refuse_labels(files)
-    tumours = list(found.tumours)
-    names = [f"{Path(files.organ).name}: tumour {i + 1}" for i in range(len(tumours))]
-    for file in files.tumours:
-        solids = _tumours_of(file, files, notices)
-        tumours += solids
-        names += [file] if len(solids) == 1 else [f"{file}: tumour {i + 1}" for i in range(len(solids))]
+    tumours, tumour_names = _with_files(found.tumours, "tumour", files, notices)
+    targets, target_names = _with_files(found.targets, "target", files, notices)
+    if not targets and (files.targets or files.labels.targets):
+        raise VolumeError(
+            f"{files.organ}: nothing is left of the target class ({'; '.join(notices)}); pass another --target-label, "
+            "or leave it out"
+        )
     structures = list(found.structures)
     structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
     structures += [_structure(file, files, notices, is_keepout=True) for file in files.keepouts]
     return LoadedAnatomy(
         organ=found.organ,
-        tumours=tuple(tumours),
-        tumour_names=tuple(names),
+        tumours=tumours,
+        tumour_names=tumour_names,
+        targets=targets,
+        target_names=target_names,
         structures=tuple(structures),
         notices=tuple(notices),
     )
+
+
+def _with_files(
+    found: tuple[Solid, ...], role: BodyKind, files: AnatomyFiles, notices: list[str]
+) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
+    """The tumours or targets that the organ's volume holds and those in files of their own, and their names."""
+    solids = list(found)
+    names = [f"{Path(files.organ).name}: {role} {i + 1}" for i in range(len(solids))]
+    for file in files.tumours if role == "tumour" else files.targets:
+        held = _solids_of(file, role, files, notices)
+        solids += held
+        names += [file] if len(held) == 1 else [f"{file}: {role} {i + 1}" for i in range(len(held))]
+    return tuple(solids), tuple(names)
 
 
 def _labelled(files: AnatomyFiles, notices: list[str]) -> LabelledAnatomy:
@@ -123,24 +149,27 @@ def _refuse_labels(files: AnatomyFiles) -> None:
         MeshError: They are.
     """
     labels = files.labels
-    if (labels.organ or labels.structures or labels.keepouts) or (
-        labels.tumours and not any(is_volume(file) for file in files.tumours)
+    if (
+        (labels.organ or labels.structures or labels.keepouts)
+        or (labels.tumours and not any(is_volume(file) for file in files.tumours))
+        or (labels.targets and not any(is_volume(file) for file in files.targets))
     ):
         raise MeshError(
             f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "
-            "tumours as --tumour FILE, structures as --structure FILE or --keepout FILE"
+            "tumours as --tumour FILE, targets as --target FILE, structures as --structure FILE or --keepout FILE"
         )
 
 
-def _tumours_of(file: str, files: AnatomyFiles, notices: list[str]) -> list[Solid]:
-    """The tumour of a mesh, or the pieces of a label volume."""
+def _solids_of(file: str, role: BodyKind, files: AnatomyFiles, notices: list[str]) -> list[Solid]:
+    """The tumour or target of a mesh, or the pieces of a label volume."""
     if not is_volume(file):
-        mesh = load_mesh(file, files.unit, role="tumour", frame=files.frame)
+        mesh = load_mesh(file, files.unit, role=role, frame=files.frame)
         notices += mesh.notices
         return [mesh.solid]
     volume = load_volume(file, spacing_m=files.spacing_m)
     notices += volume.notices
-    wanted = files.labels.tumours or CODINGS.get(files.labels.coding, Coding(organ=())).tumours
+    coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
+    wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
     wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
     pieces, sizes = tumour_pieces(volume.labels, wanted)
     solids = []

@@ -42,14 +42,16 @@ class LabelledAnatomy:
     """What a volume holds, in patient axes [m].
 
     Attributes:
-        organ: The organ, tumours included.
+        organ: The organ, tumours and targets included.
         tumours: Its tumours, the largest first.
+        targets: The bodies of the second class in it, the largest first.
         structures: Vessels and the like.
         notices: One sentence for each thing left out or assumed.
     """
 
     organ: Solid
     tumours: tuple[Solid, ...] = ()
+    targets: tuple[Solid, ...] = ()
     structures: tuple[Structure, ...] = ()
     notices: list[str] = field(default_factory=list)
 
@@ -67,7 +69,8 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
     """
     notices: list[str] = []
     wanted = np.zeros(max(volume.counts) + 1, dtype=bool)
-    wanted[[each for each in (*coding.organ, *coding.tumours) if each < len(wanted)]] = True
+    parts = (*coding.organ, *coding.tumours, *coding.targets)
+    wanted[[each for each in parts if each < len(wanted)]] = True
     box = _box_of(wanted, volume.labels)
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
     mask = _largest_pieces(wanted[labels], volume, path, notices)
@@ -75,9 +78,12 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
         notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
     filled = np.asarray(binary_fill_holes(mask))
     organ = _surface(filled, T, ORGAN_SURFACE, path, "the organ")
-    tumours = _tumours(labels, T, mask, coding, path, notices)
+    tumours = _tumours(labels, T, mask, coding.tumours, "tumour", path, notices)
+    targets = _tumours(labels, T, mask, coding.targets, "target", path, notices)
     structures = _structures(volume, coding, organ, path, notices)
-    return LabelledAnatomy(organ=organ, tumours=tumours, structures=structures, notices=notices)
+    return LabelledAnatomy(
+        organ=organ, tumours=tumours, targets=targets, structures=structures, notices=notices
+    )
 
 
 def tumour_pieces(
@@ -169,33 +175,34 @@ def _tumours(
     labels: NDArray[np.uint16],
     T: NDArray[np.float64],
     organ: NDArray[np.bool_],
-    coding: Coding,
+    wanted: tuple[int, ...],
+    noun: str,
     path: object,
     notices: list[str],
 ) -> tuple[Solid, ...]:
-    """A surface for each connected piece of a tumour label in the organ."""
-    if not coding.tumours:
+    """A surface for each connected piece of the tumours' labels, or the targets', in the organ."""
+    if not wanted:
         return ()
-    pieces, sizes = tumour_pieces(labels, coding.tumours)
+    pieces, sizes = tumour_pieces(labels, wanted)
     voxel_m3 = abs(float(np.linalg.det(T[:3, :3])))
     inside = np.bincount(pieces[organ].ravel(), minlength=len(sizes))
     sizes[0] = inside[0] = 0
     diameters_m = np.cbrt(6.0 * sizes * voxel_m3 / np.pi)
     is_there, is_inside = sizes > 0, inside > 0
-    _count(notices, is_there & ~is_inside, "outside the organ, {} dropped", "tumour")
+    _count(notices, is_there & ~is_inside, "outside the organ, {} dropped", noun)
     is_large = diameters_m >= LEAST_TUMOUR_DIAMETER_M
     small = f"under {LEAST_TUMOUR_DIAMETER_M * 1e3:g} mm across, {{}} taken for noise and dropped"
-    _count(notices, is_there & is_inside & ~is_large, small, "tumour")
+    _count(notices, is_there & is_inside & ~is_large, small, noun)
     kept = np.flatnonzero(is_there & is_inside & is_large)
     kept = kept[np.argsort(-sizes[kept], kind="stable")]
     if len(kept) > MOST_TUMOURS:
-        notices.append(f"of {len(kept)} tumours the {MOST_TUMOURS} largest are kept")
+        notices.append(f"of {len(kept)} {noun}s the {MOST_TUMOURS} largest are kept")
     boxes = find_objects(pieces)
     solids = []
     for piece in kept[:MOST_TUMOURS]:
         box = boxes[piece - 1]
         settings = tumour_surface(float(diameters_m[piece]))
-        solids.append(_surface(pieces[box] == piece, shifted(T, box), settings, path, "a tumour"))
+        solids.append(_surface(pieces[box] == piece, shifted(T, box), settings, path, f"a {noun}"))
     return tuple(solids)
 
 

@@ -29,12 +29,14 @@ class Coding:
     Attributes:
         organ: Labels of the organ; tumours are added to it. Empty means every label.
         tumours: Labels of tumours; each connected piece of one is a tumour of its own.
+        targets: Labels of a second class to be mapped, piece by piece as tumours are.
         structures: Labels of vessels and other structures, by name.
         keepouts: Those of them that must not be pressed.
     """
 
     organ: tuple[int, ...]
     tumours: tuple[int, ...] = ()
+    targets: tuple[int, ...] = ()
     structures: Mapping[str, int] = field(default_factory=dict)
     keepouts: Mapping[str, int] = field(default_factory=dict)
 
@@ -60,6 +62,7 @@ class LabelChoice:
     coding: str = "auto"
     organ: tuple[int, ...] = ()
     tumours: tuple[int, ...] = ()
+    targets: tuple[int, ...] = ()
     structures: tuple[int, ...] = ()
     keepouts: tuple[int, ...] = ()
 
@@ -87,10 +90,15 @@ def coding_of(volume: Volume, choice: LabelChoice, path: object) -> tuple[Coding
     coding = Coding(
         organ=choice.organ or base.organ or tuple(volume.counts),
         tumours=choice.tumours or base.tumours,
-        structures={**base.structures, **_named(volume, choice.structures)},
+        targets=choice.targets,
+        structures={
+            **{name: label for name, label in base.structures.items() if label not in choice.targets},
+            **_named(volume, choice.structures),
+        },
         keepouts=_named(volume, choice.keepouts),
     )
     _check_present(volume, coding, choice, path)
+    _check_targets(coding, path)
     return coding, remarks
 
 
@@ -131,13 +139,30 @@ def _named(volume: Volume, labels: tuple[int, ...]) -> dict[str, int]:
 
 
 def _check_present(volume: Volume, coding: Coding, choice: LabelChoice, path: object) -> None:
-    wanted = {"--organ-label": coding.organ, "--tumour-label": choice.tumours}
+    wanted = {
+        "--organ-label": coding.organ,
+        "--tumour-label": choice.tumours,
+        "--target-label": choice.targets,
+    }
     wanted |= {"--structure-label": choice.structures, "--keepout-label": choice.keepouts}
     for flag, labels in wanted.items():
         if absent := [label for label in labels if label not in volume.counts]:
             raise VolumeError(
                 f"{path}: {flag} {' '.join(map(str, absent))} is not in the file, which holds "
                 f"{describe_labels(volume)}; pass the right label"
+            )
+
+
+def _check_targets(coding: Coding, path: object) -> None:
+    """Nothing, if the labels of the second class are not those of the tumours or of the whole organ."""
+    taken = {"tumours": coding.tumours}
+    if set(coding.organ) <= set(coding.targets):
+        taken["the whole organ"] = coding.organ
+    for what, labels in taken.items():
+        if shared := sorted(set(labels) & set(coding.targets)):
+            raise VolumeError(
+                f"{path}: --target-label {' '.join(map(str, shared))} means {what} already; pass the label of another "
+                "class"
             )
 
 

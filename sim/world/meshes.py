@@ -15,15 +15,15 @@ from .mesh_files import read_triangles
 from .mesh_repair import RepairError, repair
 from .solid import Solid
 
-Role = Literal["organ", "tumour"]
+Role = Literal["organ", "tumour", "target"]
 
 METRES_PER_UNIT = {"mm": 1e-3, "m": 1.0}
 
 LARGEST_EXTENT_M = 2.0
 """No organ has a longer bounding box [m]; millimetres taken for metres always do."""
 
-SMALLEST_EXTENT_M = {"organ": 0.005, "tumour": 0.0003}
-"""No organ or segmented tumour has a shorter one [m]; metres taken for millimetres always do."""
+SMALLEST_EXTENT_M = {"organ": 0.005, "tumour": 0.0003, "target": 0.0003}
+"""No organ or segmented tumour, cyst or the like has a shorter one [m]; metres taken for millimetres always do."""
 
 ORGAN_VOLUME_RANGE_M3 = (0.3e-3, 5.0e-3)
 """Human livers from a child's to a grossly enlarged one [m^3]; outside it the size is remarked on."""
@@ -78,7 +78,7 @@ def load_mesh(
     Args:
         path: An STL, OBJ, PLY, GLB or glTF file.
         unit: Unit of the file's coordinates, "mm" or "m".
-        role: What the mesh stands for, "organ" or "tumour": it decides which sizes are plausible.
+        role: What the mesh stands for, "organ", "tumour" or "target": it decides which sizes are plausible.
         frame: Axes of the file; what is returned is LPS.
 
     Returns:

@@ -38,6 +38,8 @@ class PlacedOrgan:
         T_world_organ: Maps the organ's own coordinates to the world, shape (4, 4).
         structures: What lies about them, world coordinates.
         tumour_names: What to call each tumour, or nothing.
+        targets: The bodies of a second class to be mapped, world coordinates.
+        target_names: What to call each of them.
     """
 
     organ: Solid
@@ -45,6 +47,8 @@ class PlacedOrgan:
     T_world_organ: NDArray[np.float64]
     structures: tuple[Structure, ...] = ()
     tumour_names: tuple[str, ...] = ()
+    targets: tuple[Solid, ...] = ()
+    target_names: tuple[str, ...] = ()
 
     def with_structures(self, structures: tuple[Structure, ...]) -> Self:
         """The same with structures, given in the organ's own coordinates."""
@@ -53,6 +57,11 @@ class PlacedOrgan:
     def with_tumour_names(self, names: tuple[str, ...]) -> Self:
         """The same with names for its tumours."""
         return replace(self, tumour_names=names)
+
+    def with_targets(self, targets: tuple[Solid, ...], names: tuple[str, ...]) -> Self:
+        """The same with a second class of bodies, given in the organ's own coordinates, and their names."""
+        in_world = tuple(each.transformed(self.T_world_organ) for each in targets)
+        return replace(self, targets=in_world, target_names=names)
 
 
 def lay_on_table(

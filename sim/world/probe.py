@@ -54,6 +54,8 @@ class Reading:
     """Whether each point lies in a tumour, shape (N,)."""
     T_world_probe: NDArray[np.float64]
     """Tip frame from which the rays were cast, shape (4, 4)."""
+    is_target: NDArray[np.bool_] | None = None
+    """Whether each point lies in a body of the second class, shape (N,); None where there is no such class."""
 
 
 class Probe:
@@ -66,7 +68,9 @@ class Probe:
         self._cone = scene.cone
         self._tip_id = scene.model.site(scene.tip_site).id
         self._organ = _Surfaces(Group.ORGAN, [scene.anatomy.organ])
-        self._tumour = _Surfaces(Group.TUMOUR, scene.anatomy.tumours) if scene.anatomy.tumours else None
+        tumours, target = scene.anatomy.tumours, scene.anatomy.target
+        self._tumour = _Surfaces(Group.TUMOUR, tumours) if tumours else None
+        self._target = _Surfaces(Group.TARGET, target.tumours) if target is not None else None
 
     def tip_pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """T_world_probe of the tip in this state, shape (4, 4); `data` must be forwarded."""
@@ -90,8 +94,11 @@ class Probe:
         is_occupied = np.zeros(ranges_m.shape, dtype=bool)
         if self._tumour is not None:
             is_occupied = self._winding(data, origin_m, directions, ranges_m, self._tumour) > 0
+        is_target = None
+        if self._target is not None:
+            is_target = self._winding(data, origin_m, directions, ranges_m, self._target)[is_in_organ] > 0
         points_m = origin_m + ranges_m[..., None] * directions[:, None, :]
-        return Reading(points_m[is_in_organ], is_occupied[is_in_organ], T_world_probe)
+        return Reading(points_m[is_in_organ], is_occupied[is_in_organ], T_world_probe, is_target)
 
     def _pattern(self, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Unit directions in the probe frame, shape (R, 3), and ranges along them [m], shape (R, K).

@@ -108,7 +108,7 @@ class SceneRenderer:
 def _options() -> mujoco.MjvOption:
     option = mujoco.MjvOption()
     option.geomgroup[:] = 0
-    for group in (Group.TABLE, Group.STRUCTURE, Group.ARM, Group.ORGAN, Group.TUMOUR):
+    for group in (Group.SCENERY, Group.TARGET, Group.ARM, Group.ORGAN, Group.TUMOUR):
         option.geomgroup[int(group)] = 1
     option.sitegroup[:] = 0
     option.sitegroup[0] = 1

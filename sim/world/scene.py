@@ -1,4 +1,4 @@
-"""The scene: arm, probe, table, organ, tumours and cone composed into one MuJoCo model."""
+"""The scene: arm, probe, table, organ, tumours, targets and cone composed into one MuJoCo model."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from .solid import Solid
 
 ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
 TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
+TARGET_RGBA = (0.80, 0.47, 0.65, 1.0)
 STRUCTURE_RGBA = (0.30, 0.42, 0.62, 0.85)
 KEEPOUT_RGBA = (0.16, 0.45, 0.30, 0.95)
 CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
@@ -27,10 +28,11 @@ MIN_MESH_EXTENT_M = 1e-4
 
 
 class Group(IntEnum):
-    """Geom groups, so that a ray or a picture asks only for what it wants."""
+    """Geom groups, so that a ray or a picture asks only for what it wants. MuJoCo has these six and no more."""
 
-    TABLE = 0
-    STRUCTURE = 1
+    SCENERY = 0
+    """Table and structures: what is only shown."""
+    TARGET = 1
     ARM = 2
     ARM_COLLISION = 3
     ORGAN = 4
@@ -75,7 +77,7 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
     """Compose the world.
 
     Args:
-        anatomy: Organ and tumours in world coordinates [m].
+        anatomy: Organ, tumours and targets in world coordinates [m].
         cone: The sensed volume; drawn as a translucent cone at the probe's tip.
         arm: The arm and where it stands, or None for a probe that flies freely.
 
@@ -98,7 +100,9 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
         _add_solid(spec, f"tumour{index}", tumour, TUMOUR_RGBA, Group.TUMOUR)
     for index, structure in enumerate(anatomy.structures):
         rgba = KEEPOUT_RGBA if structure.is_keepout else STRUCTURE_RGBA
-        _add_solid(spec, f"structure{index}", structure.solid, rgba, Group.STRUCTURE, is_shell=True)
+        _add_solid(spec, f"structure{index}", structure.solid, rgba, Group.SCENERY, is_shell=True)
+    for index, target in enumerate(anatomy.target.tumours if anatomy.target else ()):
+        _add_solid(spec, f"target{index}", target, TARGET_RGBA, Group.TARGET)
     _add_cone(spec, cone)
     model = spec.compile()
     return Scene(
@@ -119,7 +123,7 @@ def _attach(spec: mujoco.MjSpec, probe: mujoco.MjSpec, arm: ArmModel | None) -> 
         return np.empty(0)
     arm_spec, home_q = arm.load()
     for geom in arm_spec.geoms:
-        if geom.group in (Group.ORGAN, Group.TUMOUR, Group.STRUCTURE):  # those groups are what rays ask for
+        if geom.group in (Group.ORGAN, Group.TUMOUR, Group.TARGET):  # those groups are what rays ask for
             geom.group = int(Group.ARM)
     T_world_base = arm.T_world_base
     quat = np.empty(4)

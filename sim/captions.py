@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from .smoothing import smooth_edges
 from .world.rendering import CELL_RGBA, CURRENT_RGBA, SENSED_RGBA
-from .world.scene import CONE_RGBA, KEEPOUT_RGBA, ORGAN_RGBA, STRUCTURE_RGBA, TUMOUR_RGBA
+from .world.scene import CONE_RGBA, KEEPOUT_RGBA, ORGAN_RGBA, STRUCTURE_RGBA, TARGET_RGBA, TUMOUR_RGBA
 from .world.structures import Structure
 
 LEGEND = (
@@ -28,16 +28,18 @@ STRUCTURES = {
     False: ("vessels and the like", STRUCTURE_RGBA),
     True: ("must not be pressed", KEEPOUT_RGBA),
 }
+MOST_LETTERS = 24
+"""Of a name in the key, which has room for no more."""
 INK, PAPER = (28, 38, 52), (250, 251, 252)
 
 
 def captioned(
-    pixels: NDArray[np.uint8], caption: str, structures: Sequence[Structure] = ()
+    pixels: NDArray[np.uint8], caption: str, structures: Sequence[Structure] = (), target: str | None = None
 ) -> NDArray[np.uint8]:
     """The picture with its edges smoothed, a caption, and the key to the colours where there is room, same shape."""
     height_px, width_px = pixels.shape[:2]
     image = Image.fromarray(smooth_edges(pixels))
-    legend = _legend(*{each.is_keepout: None for each in structures})
+    legend = _legend(*{each.is_keepout: None for each in structures}, target=target)
     if height_px >= 2 * legend.height and width_px >= 2 * legend.width:
         image.paste(legend, (14, height_px - 12 - legend.height), legend)
     draw = ImageDraw.Draw(image)
@@ -52,9 +54,15 @@ def _font(size_px: int) -> ImageFont.FreeTypeFont:
 
 
 @lru_cache(maxsize=4)
-def _legend(*kinds: bool) -> Image.Image:
-    """The key to the colours, as a translucent card; `kinds` of structures are those to keep away from, and others."""
-    entries = [*LEGEND, *(STRUCTURES[kind] for kind in sorted(kinds))]
+def _legend(*kinds: bool, target: str | None = None) -> Image.Image:
+    """The key to the colours, as a translucent card.
+
+    Args:
+        kinds: Of structures: True for those to keep away from, False for others.
+        target: What a second class is called, None where there is none.
+    """
+    targets = [] if target is None else [(f"true {target}"[:MOST_LETTERS], TARGET_RGBA)]
+    entries = [*LEGEND, *targets, *(STRUCTURES[kind] for kind in sorted(kinds))]
     row_px, n = 24, len(entries)
     card = Image.new("RGBA", (246, row_px * n + 14), (0, 0, 0, 0))
     draw = ImageDraw.Draw(card)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mapping.storage import replacing
 
-from .map_volumes import map_volumes, read_map
+from .map_volumes import map_volumes, read_maps
 from .patient_options import ExportOptions
 
 
@@ -14,12 +14,13 @@ def run_export(options: ExportOptions) -> str:
     Raises:
         UsageError: The folder holds no map that can be read.
     """
-    arrays, T_world_organ = read_map(options.folder)
+    maps, T_world_organ = read_maps(options.folder)
     out = options.out or options.folder
     out.mkdir(parents=True, exist_ok=True)
     lines = []
-    for name, content in map_volumes(arrays, T_world_organ, threshold=options.threshold).items():
-        with replacing(out / name) as file:
-            file.write(content)
-        lines.append(f"written {out / name}")
+    for arrays in maps:
+        for name, content in map_volumes(arrays, T_world_organ, threshold=options.threshold).items():
+            with replacing(out / name) as file:
+                file.write(content)
+            lines.append(f"written {out / name}")
     return "\n".join(lines)

@@ -1,4 +1,7 @@
-"""The files of findings: tumours.csv and false_findings.csv, and both in findings.json; SI units, world frame."""
+"""The files of findings: tumours.csv and false_findings.csv, and both in findings.json; SI units, world frame.
+
+A second class has targets.csv and target_false_findings.csv, of the same columns.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +18,23 @@ from .findings import FalseFinding, Findings, TumourFinding
 from .recording import table_cell
 
 TUMOURS, FALSE_FINDINGS, FINDINGS = "tumours.csv", "false_findings.csv", "findings.json"
+TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"
 
 
 def write_finding_tables(folder: Path, findings: Findings) -> None:
-    """Write both tables to a run's folder, and findings.json."""
+    """Write both tables of each class to a run's folder, and findings.json."""
     _write(folder / TUMOURS, [tumour_row(each) for each in findings.tumours], tumour_row(None))
     _write(folder / FALSE_FINDINGS, [false_row(each) for each in findings.false], false_row(None))
+    if findings.target is not None:
+        bodies, false = findings.target.tumours, findings.target.false
+        _write(
+            folder / TARGETS, [_of_target(tumour_row(each)) for each in bodies], _of_target(tumour_row(None))
+        )
+        _write(
+            folder / FALSE_TARGETS,
+            [_of_target(false_row(each)) for each in false],
+            _of_target(false_row(None)),
+        )
     with replacing(folder / FINDINGS) as file:
         file.write((json.dumps(finding_summary(findings), indent=2, allow_nan=False) + "\n").encode())
 
@@ -58,6 +72,7 @@ def false_row(finding: FalseFinding | None) -> dict[str, Any]:
 
 def finding_summary(findings: Findings) -> dict[str, Any]:
     """All findings and how many there are, as findings.json has them."""
+    target = {} if findings.target is None else {"target": _of_target(finding_summary(findings.target))}
     return {
         "called_from_probability": findings.probability,
         "n_tumours": len(findings.tumours),
@@ -65,7 +80,15 @@ def finding_summary(findings: Findings) -> dict[str, Any]:
         "n_false_findings": len(findings.false),
         "tumours": [tumour_row(finding) for finding in findings.tumours],
         "false_findings": [false_row(finding) for finding in findings.false],
+        **target,
     }
+
+
+def _of_target(value: Any) -> Any:
+    """The same of the second class: keys that say tumour say target."""
+    if isinstance(value, dict):
+        return {key.replace("tumour", "target"): _of_target(each) for key, each in value.items()}
+    return [_of_target(each) for each in value] if isinstance(value, list) else value
 
 
 def _place(name: str, point_m: Sequence[float] | Any) -> dict[str, Any]:

@@ -75,6 +75,8 @@ class Findings:
     """From where the map calls a point tumour."""
     tumours: tuple[TumourFinding, ...]
     false: tuple[FalseFinding, ...]
+    target: Findings | None = None
+    """What the map of a second class found: its bodies in the tumours' place. None where none was mapped."""
 
     @property
     def n_found(self) -> int:
@@ -83,7 +85,8 @@ class Findings:
 
 
 def find(record: RunRecord) -> Findings:
-    """What the last map of a run found."""
+    """What the last map of a run found, and that of a second class."""
+    target = None if record.target is None else find(record.target)
     probability = called_from(float(record.config["map"]["prior_prevalence"]))
     pieces = None
     if record.field is not None:
@@ -99,7 +102,7 @@ def find(record: RunRecord) -> Findings:
     tumours = tuple(_tumour(record, i, pieces, is_seen) for i in range(len(record.anatomy.tumours)))
     false = sorted(_false_findings(record, pieces), key=lambda finding: -finding.volume_m3)
     numbered = (dataclasses.replace(finding, finding=i + 1) for i, finding in enumerate(false))
-    return Findings(probability, tumours, tuple(numbered))
+    return Findings(probability, tumours, tuple(numbered), target)
 
 
 def _tumour(

@@ -16,8 +16,8 @@ from .captions import captioned
 from .closing import Closing
 from .episode import Episode, Step
 from .png import png_bytes
+from .world.anatomy import Anatomy
 from .world.rendering import Overlay, SceneRenderer
-from .world.structures import Structure
 
 LIKELY = 0.7
 """Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
@@ -43,9 +43,9 @@ class EpisodeFrames(Closing):
             return
         start_s = perf_counter()
         pixels = self._renderer.render(self._episode.data, self._overlay(step))
-        caption, structures = _caption(self._episode, step), self._episode.stage.structures
+        caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
         self._pending = [job for job in self._pending if not job.done() or job.result()]
-        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption, structures))
+        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption, anatomy))
         self.draw_s += perf_counter() - start_s
 
     def _overlay(self, step: Step) -> Overlay:
@@ -90,9 +90,12 @@ def _caption(episode: Episode, step: Step) -> str:
         parts.append(f"tumour sensed {step.sensed_fraction:.0%}")
     if step.auprc is not None:
         parts.append(f"AUPRC {step.auprc:.2f}")
+    if episode.target is not None and step.target is not None:
+        parts.append(f"{episode.target.name} sensed {step.target.sensed_fraction:.0%}")
     return "   ·   ".join(parts)
 
 
-def _save(path: Path, pixels: NDArray[np.uint8], caption: str, structures: tuple[Structure, ...]) -> None:
+def _save(path: Path, pixels: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> None:
+    target = None if anatomy.target is None else anatomy.target.name
     with replacing(path) as file:
-        file.write(png_bytes(captioned(pixels, caption, structures)))
+        file.write(png_bytes(captioned(pixels, caption, anatomy.structures, target)))

@@ -12,6 +12,8 @@ from .errors import UsageError
 from .recording import RunFolder
 
 FOLDER = "maps"
+TUMOURS, TARGETS = "log_odds", "target_log_odds"
+"""Arrays of a file: the map of the tumours, and that of a second class where there is one."""
 LOG_ODDS_STEP = 0.05
 """Log-odds of one step of the byte: a probability near 0.5 is kept to 0.6 %, and the ends are 0.2 % and 99.8 %."""
 MOST_STEPS = 127
@@ -20,26 +22,36 @@ N_KEPT = 200
 STRIDE = 10
 
 
-def write_history(folder: RunFolder, step: int, log_odds: ArrayLike) -> None:
+def write_history(
+    folder: RunFolder, step: int, log_odds: ArrayLike, target_log_odds: ArrayLike | None = None
+) -> None:
     """Write the map after an action to maps/<step>.npz, unless the action is one that is left out.
 
     Args:
         folder: The run's folder.
         step: The action, from 0 (before the first).
         log_odds: Log-odds of the probability at the search points, shape (M,).
+        target_log_odds: The same of a second class's map, where there is one.
     """
     if step <= N_KEPT or step % STRIDE == 0:
-        folder.write_arrays(f"{FOLDER}/{step:05d}.npz", compressed=True, log_odds=to_bytes(log_odds))
+        maps = {TUMOURS: to_bytes(log_odds)}
+        if target_log_odds is not None:
+            maps[TARGETS] = to_bytes(target_log_odds)
+        folder.write_arrays(f"{FOLDER}/{step:05d}.npz", compressed=True, **maps)
 
 
-def read_history(folder: Path) -> dict[int, NDArray[np.float32]]:
+def read_history(folder: Path, of: str = TUMOURS) -> dict[int, NDArray[np.float32]]:
     """Log-odds at the search points by action, in order; empty where none were kept.
+
+    Args:
+        folder: The run's.
+        of: Whose map: `TUMOURS` or `TARGETS`.
 
     Raises:
         UsageError: A file is broken.
     """
     files = sorted((folder / FOLDER).glob("*.npz"))
-    return {int(file.stem): _read(file) for file in files if file.stem.isdecimal()}
+    return {int(file.stem): _read(file, of) for file in files if file.stem.isdecimal()}
 
 
 def to_bytes(log_odds: ArrayLike) -> NDArray[np.int8]:
@@ -53,9 +65,9 @@ def from_bytes(steps: NDArray[np.int8]) -> NDArray[np.float32]:
     return steps.astype(np.float32) * np.float32(LOG_ODDS_STEP)
 
 
-def _read(file: Path) -> NDArray[np.float32]:
+def _read(file: Path, of: str) -> NDArray[np.float32]:
     try:
         with np.load(file, allow_pickle=False) as arrays:
-            return from_bytes(arrays["log_odds"])
+            return from_bytes(arrays[of])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise UsageError(f"{file}: cannot be read ({error}). Remove it, or run the episode again.") from error

@@ -66,7 +66,7 @@ class ExportOptions:
 
     Every run with a map writes them; this writes them again, elsewhere or with another threshold. The files are
     map_probability.nii.gz, map_standard_deviation.nii.gz (of the map's latent) and map_labels.nii.gz (1 organ,
-    2 tumour).
+    2 tumour). The map of a second class goes to map_target_*.nii.gz, labelled 3.
     """
 
     folder: Annotated[Path, tyro.conf.Positional]

@@ -33,6 +33,9 @@ WRITTEN = (
     "map_probability.nii.gz",
     "map_standard_deviation.nii.gz",
     "map_labels.nii.gz",
+    "map_target_probability.nii.gz",
+    "map_target_standard_deviation.nii.gz",
+    "map_target_labels.nii.gz",
     "structures.csv",
     "anatomy.npz",
     "reach.csv",
@@ -44,6 +47,8 @@ WRITTEN = (
     "poses.json",
     "tumours.csv",
     "false_findings.csv",
+    "targets.csv",
+    "target_false_findings.csv",
     "findings.json",
     "report.html",
 )

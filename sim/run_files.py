@@ -13,7 +13,7 @@ from planner.acquisition import expected_improvement
 
 from .episode import Episode, Step
 from .map_history import write_history
-from .map_volumes import MapArrays, map_volumes
+from .map_volumes import map_volumes, maps_in
 from .options import EpisodeOptions
 from .poses import POSES_CSV, pose_row
 from .recording import RunFolder
@@ -53,7 +53,9 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     tip = step.reading.T_world_probe
     folder.append_row(POSES_CSV, pose_row(step.step, step.pose_index, tip, episode.stage.T_world_organ))
     if episode.prediction is not None:
-        write_history(folder, step.step, episode.prediction.score)
+        target = None if episode.target is None else episode.target.prediction
+        scores = [each.score for each in (episode.prediction, target) if each is not None]
+        write_history(folder, step.step, *scores)
     write_map(folder, episode, is_final=False)
 
 
@@ -70,6 +72,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "n_occupied": int(step.reading.is_occupied.sum()),
         "sensed_fraction": step.sensed_fraction,
         "auprc": step.auprc,
+        **_target_cells(step),
         "expected_improvement": best_improvement(episode.prediction),
         "n_skipped": len(step.skipped),
         "motion_s": step.motion.motion_s,
@@ -82,6 +85,14 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "peak_force_n": step.motion.peak_force_n,
         **{name: getattr(step, name) for name in SECONDS},
     }
+
+
+def _target_cells(step: Step) -> dict[str, float | None]:
+    """How the second class stands, as columns; none where there is no such class."""
+    score = step.target
+    if score is None:
+        return {}
+    return {"target_sensed_fraction": score.sensed_fraction, "target_auprc": score.auprc}
 
 
 def best_improvement(prediction: Prediction | None) -> float | None:
@@ -101,35 +112,36 @@ def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
 
 
 def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
-    """Write the map as arrays on the query lattice, NaN outside the organ, and the final one as NIfTI too."""
-    stage, prediction = episode.stage, episode.prediction
+    """Write the maps as arrays on the query lattice, NaN outside the organ, and the final ones as NIfTI too."""
+    stage, prediction, target = episode.stage, episode.prediction, episode.target
     if prediction is None:
         return
-
-    def on_lattice(values: np.ndarray, fill: float | bool) -> np.ndarray:
-        field_values = np.full(stage.query.n_points, fill, dtype=np.float32 if fill is not False else bool)
-        field_values[stage.is_inside] = values
-        return field_values.reshape(stage.query.shape)
-
     x_m, y_m, z_m = stage.query.axes_m
-    arrays = MapArrays(
-        axes_m=(x_m, y_m, z_m),
-        probability=on_lattice(prediction.probability, np.nan),
-        latent_variance=on_lattice(prediction.latent_variance, np.nan),
-        is_inside=stage.is_inside.reshape(stage.query.shape),
-    )
-    folder.write_arrays(
-        "map.npz",
-        compressed=is_final,
-        x_m=x_m,
-        y_m=y_m,
-        z_m=z_m,
-        probability=arrays.probability,
-        latent_mean=on_lattice(prediction.latent_mean, np.nan),
-        latent_variance=arrays.latent_variance,
-        is_tumour=on_lattice(episode.truth.is_tumour, False),
-        is_inside=arrays.is_inside,
-    )
+    is_inside = _on_lattice(stage, np.ones(len(stage.search_points_m), dtype=bool))
+    arrays = {"x_m": x_m, "y_m": y_m, "z_m": z_m, **_prediction_arrays(stage, prediction)}
+    arrays |= {"is_tumour": _on_lattice(stage, episode.truth.is_tumour), "is_inside": is_inside}
+    if target is not None and target.prediction is not None:
+        own = _prediction_arrays(stage, target.prediction)
+        arrays |= {f"target_{name}": values for name, values in own.items()}
+        arrays["is_target"] = _on_lattice(stage, target.truth.is_target)
+    folder.write_arrays("map.npz", compressed=is_final, **arrays)
     if is_final:
-        for name, content in map_volumes(arrays, stage.T_world_organ).items():
-            folder.write_bytes(name, content)
+        for each in maps_in(arrays, None if target is None else target.name):
+            for name, content in map_volumes(each, stage.T_world_organ).items():
+                folder.write_bytes(name, content)
+
+
+def _prediction_arrays(stage: Stage, prediction: Prediction) -> dict[str, np.ndarray]:
+    """A map on the lattice."""
+    names = ("probability", "latent_mean", "latent_variance")
+    return {name: _on_lattice(stage, getattr(prediction, name)) for name in names}
+
+
+def _on_lattice(stage: Stage, values: np.ndarray) -> np.ndarray:
+    """Values of the search points on the whole lattice: NaN, or False, outside the organ."""
+    is_flag = values.dtype == bool
+    filled = np.full(
+        stage.query.n_points, False if is_flag else np.nan, dtype=bool if is_flag else np.float32
+    )
+    filled[stage.is_inside] = values
+    return filled.reshape(stage.query.shape)

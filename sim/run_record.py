@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from planner import Cone
 from .claimed_folder import MANIFEST
 from .errors import UsageError
 from .map_field import MapField
-from .map_history import read_history
+from .map_history import TARGETS, TUMOURS, read_history
 from .poses import read_poses
 from .recording import read_rows
 from .trajectories import ANATOMY, read_anatomy
@@ -50,6 +50,9 @@ class RunRecord:
     """The last map; None where the run kept none."""
     history: dict[int, NDArray[np.float32]]
     """Log-odds at the search points by action."""
+    target: RunRecord | None = None
+    """The same run as a record of the second class, where one was mapped: its bodies stand in the tumours' place, and
+    its map, curves and findings in theirs."""
 
     @property
     def options(self) -> Mapping[str, Any]:
@@ -104,13 +107,7 @@ def read_run(folder: Path) -> RunRecord:
     n_steps, T_world_probe = read_poses(folder)
     steps = read_rows(folder / "steps.csv")[: len(n_steps)]  # a kill may leave one row more in one of them
     field = _field(folder / "map.npz")
-    n_points = None if field is None else field.n_inside
-    history = {
-        step: log_odds
-        for step, log_odds in read_history(folder).items()
-        if len(log_odds) == n_points and step <= len(steps)
-    }
-    return RunRecord(
+    record = RunRecord(
         folder=folder,
         config=config,
         manifest=manifest,
@@ -122,8 +119,32 @@ def read_run(folder: Path) -> RunRecord:
         detection_points_m=points_m,
         detection_tumours=tumours,
         field=field,
-        history=history,
+        history={} if field is None else _history(folder, TUMOURS, field.n_inside, len(steps)),
     )
+    return record if anatomy.target is None else replace(record, target=_of_target(record, anatomy.target))
+
+
+def _of_target(record: RunRecord, anatomy: Anatomy) -> RunRecord:
+    """The record of the second class."""
+    folder, n_steps = record.folder, len(record.steps)
+    points_m, bodies = _detection(folder / ANATOMY, "target_")
+    field = _field(folder / "map.npz", "target_")
+    own = ("auprc", "sensed_fraction")
+    return replace(
+        record,
+        steps=[row | {name: row.get(f"target_{name}", "") for name in own} for row in record.steps],
+        anatomy=anatomy,
+        detection_points_m=points_m,
+        detection_tumours=bodies,
+        field=field,
+        history={} if field is None else _history(folder, TARGETS, field.n_inside, n_steps),
+    )
+
+
+def _history(folder: Path, of: str, n_points: int, n_steps: int) -> dict[int, NDArray[np.float32]]:
+    """The maps that fit the last one, of the steps that were written."""
+    kept = read_history(folder, of).items()
+    return {step: log_odds for step, log_odds in kept if len(log_odds) == n_points and step <= n_steps}
 
 
 def _json(path: Path) -> dict[str, Any]:
@@ -136,21 +157,22 @@ def _json(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path}: cannot be read ({error}). Run the episode again.") from error
 
 
-def _detection(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _detection(path: Path, prefix: str = "") -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     with np.load(path, allow_pickle=False) as arrays:
         if "detection_points_m" not in arrays.files:  # a run of before they were kept
             return np.empty((0, 3)), np.empty(0, dtype=np.int64)
-        return arrays["detection_points_m"], arrays["detection_tumours"]
+        return arrays[f"{prefix}detection_points_m"], arrays[f"{prefix}detection_tumours"]
 
 
-def _field(path: Path) -> MapField | None:
+def _field(path: Path, prefix: str = "") -> MapField | None:
     if not path.is_file():
         return None
     try:
         with np.load(path, allow_pickle=False) as arrays:
             axes_m = (arrays["x_m"], arrays["y_m"], arrays["z_m"])
+            truth = arrays["is_target" if prefix else "is_tumour"]
             return MapField.from_probability(
-                axes_m, arrays["probability"], arrays["is_inside"], arrays["is_tumour"]
+                axes_m, arrays[f"{prefix}probability"], arrays["is_inside"], truth
             )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise UsageError(f"{path}: cannot be read ({error}). Run the episode again.") from error

@@ -23,7 +23,8 @@ FOLDER = "surfaces"
 SCENE = "mapped.glb"
 MM_PER_M = 1e3
 COLOURS = {"organ": (0.72, 0.55, 0.50, 0.25), "tumour": (0.84, 0.37, 0.0, 0.6), "mapped": (0.0, 0.45, 0.70, 1.0),
-           "false": (0.35, 0.35, 0.35, 1.0)}  # fmt: skip
+           "target": (0.80, 0.47, 0.65, 0.6), "mapped_target": (0.90, 0.62, 0.0, 1.0),
+          "false": (0.35, 0.35, 0.35, 1.0)}  # fmt: skip
 """Red, green, blue and opacity of each kind of surface."""
 
 
@@ -35,6 +36,12 @@ def write_surfaces(record: RunRecord, findings: Findings) -> list[Path]:
     """
     mapped = {f"mapped_tumour_{each.tumour}": each.surface for each in findings.tumours if each.surface}
     mapped |= {f"mapped_false_{each.finding}": each.surface for each in findings.false if each.surface}
+    truth = {f"tumour_{i + 1}": solid for i, solid in enumerate(record.anatomy.tumours)}
+    if findings.target is not None and record.target is not None:
+        own = findings.target
+        mapped |= {f"mapped_target_{each.tumour}": each.surface for each in own.tumours if each.surface}
+        mapped |= {f"mapped_target_false_{each.finding}": each.surface for each in own.false if each.surface}
+        truth |= {f"target_{i + 1}": solid for i, solid in enumerate(record.target.anatomy.tumours)}
     if not mapped:
         return []
     folder = record.folder / FOLDER
@@ -45,7 +52,6 @@ def write_surfaces(record: RunRecord, findings: Findings) -> list[Path]:
         mesh = solid.transformed(T_organ_world).to_trimesh()
         mesh.apply_scale(MM_PER_M)
         files.append(_write(folder / f"{name}.stl", mesh.export(file_type="stl")))
-    truth = {f"tumour_{i + 1}": solid for i, solid in enumerate(record.anatomy.tumours)}
     scene = trimesh.Scene()
     for name, solid in ({"organ": record.anatomy.organ} | truth | mapped).items():
         scene.add_geometry(_coloured(solid.transformed(T_organ_world), name), node_name=name, geom_name=name)
@@ -53,7 +59,8 @@ def write_surfaces(record: RunRecord, findings: Findings) -> list[Path]:
 
 
 def _coloured(solid: Solid, name: str) -> trimesh.Trimesh:
-    kind = "false" if "false" in name else name.split("_")[0]
+    kind = "mapped_target" if name.startswith("mapped_target") else name.split("_")[0]
+    kind = "false" if "false" in name else kind
     colour = COLOURS[kind]
     mesh = solid.to_trimesh()
     material = PBRMaterial(

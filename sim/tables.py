@@ -20,6 +20,14 @@ ROWS = (
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
 
+TARGET_ROWS = (
+    ("{}: actions until 95 % was sensed", "target_sensings_to_95", "{}"),
+    ("{}: sensed", "target_sensed_fraction", "{:.1%}"),
+    ("{}: AUPRC of their map", "target_auprc", "{:.3f}"),
+    ("{}: Dice at probability 0.5", "target_dice", "{:.3f}"),
+)
+"""Of a second class, whose name the labels begin with."""
+
 REACH_ROWS = (
     ("poses", "n_poses", "{}"),
     ("reached", "reached_fraction", "{:.2%}"),
@@ -38,7 +46,10 @@ def episode_table(summary: Mapping[str, Any]) -> str:
     head = (
         f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
     )
-    return "\n".join([head, "-" * len(head), *_lines(ROWS, summary), f"written to {summary['folder']}"])
+    name, rows = summary.get("target_name"), list(ROWS)
+    if name is not None:
+        rows[-1:-1] = [(label.format(name), key, form) for label, key, form in TARGET_ROWS]
+    return "\n".join([head, "-" * len(head), *_lines(rows, summary), f"written to {summary['folder']}"])
 
 
 def reach_table(summary: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ from mapping import MapMetrics
 
 from .episode import Episode, Step
 from .options import EpisodeOptions
+from .target_belief import TargetBelief
 
 SENSED_TARGET = 0.95
 """The paper's measure of detection: this share of the tumours' points was sensed."""
@@ -23,6 +24,8 @@ class Tally:
 
     steps: list[Step] = field(default_factory=list)
     sensings_to_95: int | None = None
+    target_sensings_to_95: int | None = None
+    """The same of a second class."""
     n_skipped_poses: int = 0
 
     def add(self, step: Step) -> None:
@@ -31,6 +34,9 @@ class Tally:
         self.n_skipped_poses += len(step.skipped)
         if self.sensings_to_95 is None and (step.sensed_fraction or 0.0) >= SENSED_TARGET:
             self.sensings_to_95 = step.step
+        target_share = 0.0 if step.target is None else step.target.sensed_fraction
+        if self.target_sensings_to_95 is None and target_share >= SENSED_TARGET:
+            self.target_sensings_to_95 = step.step
 
     def seconds(self) -> dict[str, float]:
         """Time by part [s]."""
@@ -66,8 +72,25 @@ def episode_summary(
         "n_points_per_tumour": [
             int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))
         ],
+        **_target_summary(episode.target, tally),
         "confidence": episode.confidence(),
         "n_skipped_poses": tally.n_skipped_poses,
         **tally.motion(),
         **tally.seconds(),
     }
+
+
+def _target_summary(target: TargetBelief | None, tally: Tally) -> dict[str, Any]:
+    """What the episode came to in the second class; nothing where there is none."""
+    if target is None:
+        return {}
+    last, metrics = tally.steps[-1].target if tally.steps else None, target.metrics()
+    figures = {
+        "name": target.name,
+        "n_bodies": len(target.truth.anatomy.tumours),
+        "sensings_to_95": tally.target_sensings_to_95,
+        "sensed_fraction": None if last is None else last.sensed_fraction,
+        "attainable_fraction": target.truth.attainable_fraction,
+        **({} if metrics is None else dataclasses.asdict(metrics)),
+    }
+    return {f"target_{name}": value for name, value in figures.items()}

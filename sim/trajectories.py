@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +26,23 @@ def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
 
 
 def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
-    """Write the surfaces of organ and tumours and the points by which detection is measured, world frame [m]."""
+    """Write the surfaces of organ, tumours and targets, and the points by which detection is measured, world [m]."""
     solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
+    target = anatomy.target
+    if target is not None:
+        solids |= {f"target{i}": body for i, body in enumerate(target.tumours)}
     arrays = {f"{name}_vertices_m": solid.vertices_m for name, solid in solids.items()}
     arrays |= {f"{name}_faces": solid.faces.astype(np.int32) for name, solid in solids.items()}
     arrays |= {
         "detection_points_m": anatomy.detection_points_m,
         "detection_tumours": anatomy.detection_tumours,
     }
+    if target is not None:
+        arrays |= {
+            "target_name": np.array(target.name),
+            "target_detection_points_m": target.detection_points_m,
+            "target_detection_tumours": target.detection_tumours,
+        }
     folder.write_arrays(ANATOMY, compressed=True, **arrays)
 
 
@@ -46,15 +56,23 @@ def read_anatomy(folder: Path) -> Anatomy:
         with np.load(folder / ANATOMY, allow_pickle=False) as arrays:
             names = [key.removesuffix("_faces") for key in arrays.files if key.endswith("_faces")]
             solids = {name: Solid(arrays[f"{name}_vertices_m"], arrays[f"{name}_faces"]) for name in names}
-            tumours = tuple(solids[f"tumour{i}"] for i in range(len(names) - 1))
-            rng = np.random.default_rng(0)
-            return build_anatomy(solids["organ"], tumours, name=folder.name, rng=rng, n_detection_points=0)
+            target = None
+            if "target_name" in arrays.files:
+                target = _bare(str(arrays["target_name"]), solids, "target")
+            return _bare(folder.name, solids, "tumour", target)
     except FileNotFoundError as error:
         raise UsageError(
             f"{folder / ANATOMY}: missing; only runs that recorded motion can be replayed."
         ) from error
     except (OSError, ValueError, KeyError, zipfile.BadZipFile, WorldError) as error:
         raise UsageError(f"{folder / ANATOMY}: cannot be read ({error}). Run the episode again.") from error
+
+
+def _bare(name: str, solids: Mapping[str, Solid], kind: str, target: Anatomy | None = None) -> Anatomy:
+    """The organ with all bodies of a kind, without detection points."""
+    bodies = tuple(solids[f"{kind}{i}"] for i in range(sum(each.startswith(kind) for each in solids)))
+    rng = np.random.default_rng(0)
+    return build_anatomy(solids["organ"], bodies, name=name, rng=rng, n_detection_points=0, target=target)
 
 
 def read_motions(folder: Path) -> dict[int, Motion]:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from sim.cli import main
 from sim.errors import UsageError
-from sim.map_volumes import MapArrays, map_volumes, read_map
+from sim.map_volumes import MapArrays, map_volumes, read_maps
 from sim.options import EpisodeOptions
 from sim.scenarios import SCENARIOS
 from sim.stage import make_workspace, placed_organ
@@ -54,7 +54,7 @@ def run(scan):
 
 
 def test_the_map_lies_over_the_scan_to_the_micrometre(run):
-    arrays, T_world_organ = read_map(run)
+    (arrays,), T_world_organ = read_maps(run)
     i, j, k = 3, 7, 5
     world_m = np.array([arrays.axes_m[0][i], arrays.axes_m[1][j], arrays.axes_m[2][k], 1.0])
     config = json.loads((run / "config.json").read_text())
@@ -75,7 +75,7 @@ def test_the_map_lies_over_the_scan_to_the_micrometre(run):
 
 def test_a_map_that_knew_the_truth_overlays_the_scans_own_labels(run, scan):
     # The truth in place of the probability, written, read by SimpleITK and brought to the scan's own grid.
-    arrays, T_world_organ = read_map(run)
+    (arrays,), T_world_organ = read_maps(run)
     with np.load(run / "map.npz") as file:
         knowing = dataclasses.replace(arrays, probability=file["is_tumour"].astype(float))
     path = run.parent / "truth.nii.gz"

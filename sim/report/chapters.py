@@ -36,7 +36,7 @@ def chapters(record: RunRecord, findings: Findings) -> dict[str, Any]:
         "progress": _progress(record),
         "readings": _readings(record),
         "quality": _quality(record),
-        "findings": finding_rows(findings),
+        "classes": _classes(record, findings),
         "arm": _arm(record),
         "skipped": _skipped(record),
         "space": _space(record),
@@ -68,6 +68,9 @@ def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]
     if record.field is not None and findings.tumours:
         figures.append(("tumours found", f"{findings.n_found} of {len(findings.tumours)}"))
         figures.append(("false findings", str(len(findings.false))))
+    if findings.target is not None and record.target is not None and record.target.field is not None:
+        found, name = findings.target, record.target.anatomy.name
+        figures.append((f"{name} found", f"{found.n_found} of {len(found.tumours)}"))
     figures.append(("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan)))
     figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
     if record.field is not None:
@@ -77,6 +80,14 @@ def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]
     if record.options["arm"] != "none":
         figures.append(("poses not reachable", str(len(record.skipped))))
     return figures
+
+
+def _classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:
+    """The findings of the tumours, and of a second class where one was mapped."""
+    classes = [finding_rows(findings)]
+    if findings.target is not None and record.target is not None:
+        classes.append(finding_rows(findings.target, name=record.target.anatomy.name))
+    return classes
 
 
 def _progress(record: RunRecord) -> list[dict[str, str]]:
@@ -92,6 +103,12 @@ def _progress(record: RunRecord) -> list[dict[str, str]]:
          progress_chart("improvement", record.numbers("expected_improvement"), colour="probe",
                         label="Highest expected improvement after each sensing action")),
     ]  # fmt: skip
+    if record.target is not None:
+        name = record.target.anatomy.name
+        charts.insert(2, ("target", f"AUPRC of the map of {name}", "area under its precision-recall curve",
+                          progress_chart("target", record.target.numbers("auprc"), colour="second-map", y_top=1.0,
+                                         digits=3, label=f"AUPRC of the map of {name} over the sensing actions")),
+        )  # fmt: skip
     return [{"name": n, "title": t, "note": note, "svg": svg} for n, t, note, svg in charts if svg]
 
 

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..finding_tables import FALSE_FINDINGS, FALSE_TARGETS, TARGETS, TUMOURS
 from ..findings import FalseFinding, Findings, TumourFinding
 
 NONE = "–"
 
 
-def finding_rows(findings: Findings) -> dict[str, Any]:
-    """Both tables, cells as text, and from which probability the map calls a point tumour."""
+def finding_rows(findings: Findings, *, name: str | None = None) -> dict[str, Any]:
+    """Both tables, cells as text, from which probability the map calls a point tumour, and what to say of them.
+
+    Args:
+        findings: Of the tumours, or of a second class.
+        name: What the second class is called; None for the tumours.
+    """
+    words = {"title": "Tumours", "kind": "tumour", "body": "tumour", "files": (TUMOURS, FALSE_FINDINGS)}
+    if name is not None:
+        words = {
+            "title": name[:1].upper() + name[1:],
+            "kind": name,
+            "body": "body",
+            "files": (TARGETS, FALSE_TARGETS),
+        }
     return {
+        **words,
         "probability": f"{findings.probability:g}",
         "has_map": all(each.is_found is not None for each in findings.tumours),
         "tumours": [_tumour(each) for each in findings.tumours],

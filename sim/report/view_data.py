@@ -42,6 +42,7 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
         "arm": None if recording is None else _arm(recording, pack),
         "paths": None if recording is None else _paths(recording, record.n_steps, pack),
         "map": _map(record, pack),
+        "target": _target(record.target, pack),
     }
 
 
@@ -86,6 +87,18 @@ def _skipped(record: RunRecord) -> list[list[float]]:
         for row in record.skipped
         if "position_x_m" in row
     ]
+
+
+def _target(record: RunRecord | None, pack: Pack) -> dict[str, Any] | None:
+    """The second class: its name, bodies and map; None where none was mapped."""
+    if record is None:
+        return None
+    anatomy = record.anatomy
+    return {
+        "name": anatomy.name,
+        "bodies": [add_mesh(pack, solid.vertices_m, solid.faces) for solid in anatomy.tumours],
+        "map": _map(record, pack),
+    }
 
 
 def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:

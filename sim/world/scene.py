@@ -17,7 +17,7 @@ from .solid import Solid
 
 ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
 TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
-TARGET_RGBA = (0.80, 0.47, 0.65, 1.0)
+TARGET_RGBA = (0.94, 0.80, 0.94, 1.0)
 STRUCTURE_RGBA = (0.30, 0.42, 0.62, 0.85)
 KEEPOUT_RGBA = (0.16, 0.45, 0.30, 0.95)
 CONE_RGBA = (0.56, 0.36, 0.85, 0.28)

@@ -69,8 +69,8 @@ const makeView = (data, array, onPick) => {
     return new THREE.LineSegments(geometry, stroke(name, opacity));
   };
 
-  // Organ and true tumours.
-  const organ = layer(), truth = layer();
+  // Organ, true tumours, and the true bodies of a second class.
+  const organ = layer(), truth = layer(), second = layer();
   const organBack = new THREE.Mesh(creased(geometryOf(data.organ)), veil("organ", 0.05, 0.16, THREE.BackSide));
   const organFront = new THREE.Mesh(organBack.geometry, veil("organ", 0.07, 0.42));
   organBack.renderOrder = 1;
@@ -78,26 +78,36 @@ const makeView = (data, array, onPick) => {
   organ.add(organBack, organFront);
   const tumourMaterial = veil("truth", 0.16, 0.9);
   for (const mesh of data.tumours) truth.add(new THREE.Mesh(geometryOf(mesh), tumourMaterial));
-  for (const mesh of truth.children) mesh.renderOrder = 3;
+  const secondMaterial = veil("second", 0.16, 0.9);
+  for (const mesh of data.target ? data.target.bodies : []) second.add(new THREE.Mesh(geometryOf(mesh), secondMaterial));
+  for (const mesh of [...truth.children, ...second.children]) mesh.renderOrder = 3;
 
-  // The map's surface after an action.
-  const mapped = layer();
-  const cut = data.map && mapHistory(data.map, array);
-  const mapMesh = new THREE.Mesh(new THREE.BufferGeometry(), lit("map"));
-  mapped.add(mapMesh);
-  const surfaces = new Map();
+  // A map's surface after an action.
   let level = data.map ? Math.log(data.map.called_from / (1 - data.map.called_from)) : 0;
-  const surfaceAt = step => {
-    let index = data.map.steps.findLastIndex(kept => kept <= step);
-    if (index < 0) return null;
-    const key = `${index}/${level}`;
-    if (!surfaces.has(key)) {
-      const surface = cut(index, level);
-      if (surfaces.size > 400) surfaces.clear();
-      surfaces.set(key, { triangles: surface.triangles.length / 3, geometry: surfaceGeometry(surface.positions, surface.triangles) });
-    }
-    return surfaces.get(key);
+  const mapLayer = (map, colour) => {
+    const group = layer(), cut = map && mapHistory(map, array), surfaces = new Map();
+    const mesh = new THREE.Mesh(new THREE.BufferGeometry(), lit(colour));
+    group.add(mesh);
+    const surfaceAt = step => {
+      const index = map ? map.steps.findLastIndex(kept => kept <= step) : -1;
+      if (index < 0) return null;
+      const key = `${index}/${level}`;
+      if (!surfaces.has(key)) {
+        const surface = cut(index, level);
+        if (surfaces.size > 400) surfaces.clear();
+        surfaces.set(key, { triangles: surface.triangles.length / 3, geometry: surfaceGeometry(surface.positions, surface.triangles) });
+      }
+      return surfaces.get(key);
+    };
+    const show = step => {
+      const surface = surfaceAt(step);
+      mesh.visible = Boolean(surface);
+      if (surface) mesh.geometry = surface.geometry;
+      return surface ? surface.triangles : 0;
+    };
+    return { group, show };
   };
+  const mapped = mapLayer(data.map, "map"), secondMapped = mapLayer(data.target && data.target.map, "second-map");
 
   // Sensing poses: a dot and a stem against the beam; the present one with its cone.
   const probe = array(data.probe), nSteps = probe.length / 16;
@@ -287,7 +297,7 @@ const makeView = (data, array, onPick) => {
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
 
-  const state = { step: 0, mapTriangles: 0, tip: null };
+  const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null };
   const setStep = step => {
     state.step = step;
     dots.geometry.setDrawRange(0, step * ballFaces.length);
@@ -314,10 +324,8 @@ const makeView = (data, array, onPick) => {
     request();
   };
   const drawMap = () => {
-    const surface = data.map && surfaceAt(state.step);
-    mapMesh.visible = Boolean(surface);
-    state.mapTriangles = surface ? surface.triangles : 0;
-    if (surface) mapMesh.geometry = surface.geometry;
+    state.mapTriangles = mapped.show(state.step);
+    state.targetTriangles = secondMapped.show(state.step);
     request();
   };
 
@@ -340,12 +348,14 @@ const makeView = (data, array, onPick) => {
   resize();
   presets.organ();
   const layers = [
-    ["organ", "Organ", organ, "organ"], ["truth", "True tumours", truth, "truth"], ["map", "Map", mapped, "map"],
+    ["organ", "Organ", organ, "organ"], ["truth", "True tumours", truth, "truth"], ["map", "Map", mapped.group, "map"],
+    ["target-truth", `True ${data.target && data.target.name}`, second, "second"], ["target-map", `Map of ${data.target && data.target.name}`, secondMapped.group, "second-map"],
     ["poses", "Sensing poses", past, "probe"], ["cone", "Cone", sweep, "probe"], ["arm", data.base ? "Arm" : "Probe", arm, null],
     ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
     ["frames", "Axes", frames, null], ["table", "Table", table, null],
   ].filter(([name]) => !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
-    && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length));
+    && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length)
+    && !(name === "target-truth" && !data.target) && !(name === "target-map" && !(data.target && data.target.map)));
   way.visible = false;
   return {
     setStep, presets, layers, request, state, renderNow: draw,

@@ -22,6 +22,7 @@ MOST_LABELS = 30
 """Labels listed, the largest first."""
 N_DRAWS = 2000
 """Points drawn in a tumour for its middle and the share of it in the organ."""
+NO_TUMOURS = "tumours: none; --n-tumours N generates some"
 LEAST_INSIDE = 0.5
 """A tumour with less of it in the organ is refused by an episode."""
 
@@ -72,6 +73,7 @@ def _files(options: InspectOptions, spacing_m: tuple[float, float, float] | None
     return AnatomyFiles(
         organ=str(options.file),
         tumours=tuple(map(str, options.tumour)),
+        targets=tuple(map(str, options.target)),
         structures=tuple(map(str, options.structure)),
         keepouts=tuple(map(str, options.keepout)),
         unit=options.unit,
@@ -80,6 +82,7 @@ def _files(options: InspectOptions, spacing_m: tuple[float, float, float] | None
             coding=options.coding,
             organ=options.organ_label,
             tumours=options.tumour_label,
+            targets=options.target_label,
             structures=options.structure_label,
             keepouts=options.keepout_label,
         ),
@@ -130,15 +133,8 @@ def _anatomy_lines(loaded: LoadedAnatomy) -> list[str]:
         f"organ: {organ.volume_m3 * 1e6:.1f} ml, {_by(organ.extents_m * 1e3, '.0f')} mm (left-right, front-back, "
         f"foot-head), {len(organ.faces):,} triangles, about {_place(organ.bounds_m.mean(axis=0))}",
     ]
-    if loaded.tumours:
-        total_ml = sum(tumour.volume_m3 for tumour in loaded.tumours) * 1e6
-        share = total_ml * 1e-6 / organ.volume_m3
-        lines.append(f"tumours: {len(loaded.tumours)}, {total_ml:.1f} ml in all, {share:.2%} of the organ")
-        lines.append(f"{'':>6} {'ml':>9} {'diameter':>10} {'depth':>9}  middle")
-        surface = SurfaceDistance(organ)
-        lines += [_tumour_line(i, tumour, surface) for i, tumour in enumerate(loaded.tumours, start=1)]
-    else:
-        lines.append("tumours: none; --n-tumours N generates some")
+    lines += _body_lines("tumours", loaded.tumours, organ) if loaded.tumours else [NO_TUMOURS]
+    lines += _body_lines("targets", loaded.targets, organ) if loaded.targets else []
     for each in loaded.structures:
         kind = "must not be pressed" if each.is_keepout else "structure"
         away_mm = float(each.distance_m(organ.vertices_m).min()) * 1e3
@@ -146,6 +142,17 @@ def _anatomy_lines(loaded: LoadedAnatomy) -> list[str]:
             f"{each.name}: {kind}, {each.solid.volume_m3 * 1e6:.1f} ml, {away_mm:.1f} mm off the surface"
         )
     return lines
+
+
+def _body_lines(noun: str, bodies: tuple[Solid, ...], organ: Solid) -> list[str]:
+    """Number and volume of the tumours, or of the targets, and a line for each."""
+    total_ml, surface = sum(body.volume_m3 for body in bodies) * 1e6, SurfaceDistance(organ)
+    share = total_ml * 1e-6 / organ.volume_m3
+    return [
+        f"{noun}: {len(bodies)}, {total_ml:.1f} ml in all, {share:.2%} of the organ",
+        f"{'':>6} {'ml':>9} {'diameter':>10} {'depth':>9}  middle",
+        *(_tumour_line(i, body, surface) for i, body in enumerate(bodies, start=1)),
+    ]
 
 
 def _tumour_line(number: int, tumour: Solid, surface: SurfaceDistance) -> str:
@@ -160,9 +167,10 @@ def _tumour_line(number: int, tumour: Solid, surface: SurfaceDistance) -> str:
 
 
 def _tumour_problems(loaded: LoadedAnatomy) -> list[str]:
-    """Tumours that lie mostly outside the organ."""
+    """Tumours and targets that lie mostly outside the organ."""
     problems = []
-    for tumour, name in zip(loaded.tumours, loaded.tumour_names, strict=True):
+    names = (*loaded.tumour_names, *loaded.target_names)
+    for tumour, name in zip((*loaded.tumours, *loaded.targets), names, strict=True):
         share = loaded.organ.contains(tumour.sample_inside(N_DRAWS, np.random.default_rng(0))).mean()
         if share < LEAST_INSIDE:
             problems.append(

@@ -23,7 +23,8 @@ VIEWS = (
     ("from the feet, as on CT", (0, 1), np.array([0.0, 0.0, -1.0]), ("left →", "front →")),
 )
 """Title, axes drawn across and up (LPS), direction towards the viewer, and what the axes mean."""
-ORGAN, TUMOUR, STRUCTURE, KEEPOUT = "#F0C9BE", "#E0A100", "#4C6B9E", "#2E7D4F"
+ORGAN, TUMOUR, TARGET = "#F0C9BE", "#E0A100", "#CC79A7"
+STRUCTURE, KEEPOUT = "#4C6B9E", "#2E7D4F"
 INNER_ALPHA = 0.88
 LIGHT = 0.55
 """Least brightness of a triangle seen edge on."""
@@ -43,10 +44,11 @@ def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK)
     handles = [Patch(color=ORGAN, label="organ")]
     handles += [Patch(color=TUMOUR, label="tumours")] if loaded.tumours else []
+    handles += [Patch(color=TARGET, label="targets")] if loaded.targets else []
     kinds = {each.is_keepout for each in loaded.structures}
     handles += [Patch(color=STRUCTURE, label="structures")] if False in kinds else []
     handles += [Patch(color=KEEPOUT, label="must not be pressed")] if True in kinds else []
-    figure.legend(handles=handles, loc="outside lower left", ncols=4, frameon=False, fontsize=9)
+    figure.legend(handles=handles, loc="outside lower left", ncols=5, frameon=False, fontsize=9)
     save(figure, path)
 
 
@@ -62,6 +64,7 @@ def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:
     inner: Sequence[tuple[Solid, str]] = [
         *((each.solid, KEEPOUT if each.is_keepout else STRUCTURE) for each in loaded.structures),
         *((tumour, TUMOUR) for tumour in loaded.tumours),
+        *((target, TARGET) for target in loaded.targets),
     ]
     axes.add_collection(_shaded(loaded.organ, (across, up), towards, ORGAN))
     for solid, colour in inner:

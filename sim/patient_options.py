@@ -34,6 +34,10 @@ class InspectOptions:
     """Labels of the organ, in place of the coding's."""
     tumour_label: tuple[int, ...] = ()
     """Labels of tumours, in place of the coding's."""
+    target: tuple[Path, ...] = ()
+    """Meshes or label volumes of a second class that is to be mapped beside the tumours."""
+    target_label: tuple[int, ...] = ()
+    """Labels of that class."""
     structure: tuple[Path, ...] = ()
     """Meshes or masks of vessels and other structures."""
     structure_label: tuple[int, ...] = ()

@@ -17,7 +17,8 @@ from .run_record import RunRecord
 from .world.solid import Solid
 
 ORGAN, TRUTH, MAP, PROBE = (165, 138, 131, 60), (213, 94, 0, 160), (0, 114, 178, 255), (0, 158, 115, 255)
-CURVES = ("sensed_fraction", "auprc", "expected_improvement")
+SECOND, SECOND_MAP = (204, 121, 167, 160), (230, 159, 0, 255)
+CURVES = ("sensed_fraction", "auprc", "target_sensed_fraction", "target_auprc", "expected_improvement")
 N_SIDES = 32
 
 
@@ -38,6 +39,8 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
     stream.log("world/organ", _mesh(rr, record.anatomy.organ, ORGAN), static=True)
     for i, tumour in enumerate(record.anatomy.tumours):
         stream.log(f"world/tumours/{i + 1}", _mesh(rr, tumour, TRUTH), static=True)
+    for i, target in enumerate(record.target.anatomy.tumours if record.target else ()):
+        stream.log(f"world/targets/{i + 1}", _mesh(rr, target, SECOND), static=True)
     stream.log("world/probe/cone", _cone(rr, record), static=True)
     began_s = 0.0
     for index, T in enumerate(record.T_world_probe):
@@ -63,12 +66,12 @@ def _log_action(rr: Any, stream: Any, record: RunRecord, index: int, T: NDArray[
     stream.log(
         "world/poses", rr.Points3D(record.T_world_probe[: index + 1, :3, 3], radii=0.0025, colors=[PROBE])
     )
-    surface = _map_surface(record, index + 1)
-    if surface is not None:
-        vertices_m, faces = surface
-        stream.log(
-            "world/map", rr.Mesh3D(vertex_positions=vertices_m, triangle_indices=faces, albedo_factor=MAP)
-        )
+    for name, each, colour in (("map", record, MAP), ("target_map", record.target, SECOND_MAP)):
+        surface = None if each is None else _map_surface(each, index + 1)
+        if surface is not None:
+            vertices_m, faces = surface
+            mesh = rr.Mesh3D(vertex_positions=vertices_m, triangle_indices=faces, albedo_factor=colour)
+            stream.log(f"world/{name}", mesh)
     for name in CURVES:
         value = record.numbers(name)[index]
         if np.isfinite(value):

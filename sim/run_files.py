@@ -89,10 +89,14 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
 
 def _target_cells(step: Step) -> dict[str, float | None]:
     """How the second class stands, as columns; none where there is no such class."""
-    score = step.target
+    score, labels = step.target, step.reading.is_target
     if score is None:
         return {}
-    return {"target_sensed_fraction": score.sensed_fraction, "target_auprc": score.auprc}
+    return {
+        "n_target": None if labels is None else int(labels.sum()),
+        "target_sensed_fraction": score.sensed_fraction,
+        "target_auprc": score.auprc,
+    }
 
 
 def best_improvement(prediction: Prediction | None) -> float | None:

@@ -18,6 +18,8 @@ from .charts import curve_chart, progress_chart, reliability, reliability_chart
 from .finding_rows import finding_rows
 
 SENSED_TARGET = 0.95
+ONE_OF_THREE, ONE_OF_FOUR = 150.0, 102.0
+"""Heights of the charts beside the view, which all of them share."""
 STATUS = {
     "finished": "",
     "interrupted": "This run was interrupted: the report shows what was done until then.",
@@ -91,37 +93,38 @@ def _classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:
 
 
 def _progress(record: RunRecord) -> list[dict[str, str]]:
-    """The curves that follow the slider."""
+    """The curves that follow the slider; lower ones where a second class adds its own."""
+    target = record.target
+    height = ONE_OF_THREE if target is None else ONE_OF_FOUR
     charts = [
         ("sensed", "Tumour sensed", "share of the tumours’ volume that lay in some cone",
          progress_chart("sensed", record.numbers("sensed_fraction"), colour="truth", y_top=1.0, is_percent=True,
-                        target=SENSED_TARGET, label="Share of the tumours sensed over the sensing actions")),
+                        target=SENSED_TARGET, height=height,
+                        label="Share of the tumours sensed over the sensing actions")),
         ("auprc", "AUPRC of the map", "area under the precision-recall curve",
-         progress_chart("auprc", record.numbers("auprc"), colour="map", y_top=1.0, digits=3,
+         progress_chart("auprc", record.numbers("auprc"), colour="map", y_top=1.0, digits=3, height=height,
                         label="AUPRC of the map over the sensing actions")),
         ("improvement", "Expected improvement", "the highest that any point still promises, in the latent’s unit",
-         progress_chart("improvement", record.numbers("expected_improvement"), colour="probe",
+         progress_chart("improvement", record.numbers("expected_improvement"), colour="probe", height=height,
                         label="Highest expected improvement after each sensing action")),
     ]  # fmt: skip
-    if record.target is not None:
-        name = record.target.anatomy.name
-        charts.insert(2, ("target", f"AUPRC of the map of {name}", "area under its precision-recall curve",
-                          progress_chart("target", record.target.numbers("auprc"), colour="second-map", y_top=1.0,
-                                         digits=3, label=f"AUPRC of the map of {name} over the sensing actions")),
-        )  # fmt: skip
+    if target is not None:
+        title = f"AUPRC of the map of {target.anatomy.name}"
+        svg = progress_chart("target", target.numbers("auprc"), colour="second-map", y_top=1.0, digits=3,
+                             height=height, label=f"{title} over the sensing actions")  # fmt: skip
+        charts.insert(2, ("target", title, "area under its precision-recall curve", svg))
     return [{"name": n, "title": t, "note": note, "svg": svg} for n, t, note, svg in charts if svg]
 
 
 def _readings(record: RunRecord) -> list[dict[str, str]]:
     """What is told of each action beside the slider, the first for before any."""
     told: list[dict[str, str]] = [{}]
+    name = "" if record.target is None else record.target.anatomy.name
     for row in record.steps:
-        told.append(
-            {
-                "Pose": row["pose_index"],
-                "Points read": f"{row['n_points']}, {row['n_occupied']} of them tumour",
-            }
-        )
+        read = f"{row['n_points']}, {row['n_occupied']} of them tumour"
+        if name:
+            read += f", {row.get('n_target') or '–'} {name}"
+        told.append({"Pose": row["pose_index"], "Points read": read})
     return told
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -49,7 +49,7 @@ class Plot:
 
 def progress_chart(
     name: str, values: Numbers, *, colour: str, label: str, digits: int = 2, target: float | None = None,
-    y_top: float | None = None, is_percent: bool = False, has_dots: bool = False,
+    y_top: float | None = None, is_percent: bool = False, has_dots: bool = False, height: float = 150.0,
 ) -> str:  # fmt: skip
     """A curve over the sensing actions, from 1 on, with what a slider needs to follow it.
 
@@ -63,11 +63,13 @@ def progress_chart(
         y_top: Upper end of the axis; by default what the values need.
         is_percent: Write values as percentages.
         has_dots: Draw dots without a line, where an action has nothing to do with the one before.
+        height: Of the chart, whose width is 380.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:
         return ""
     plot, ticks = _plane(len(values), finite, y_top)
+    plot = replace(plot, height=height)
     texts = [_text(value, digits, is_percent) for value in values]
     points = [[round(plot.x(i + 1), 1), round(plot.y(v), 1)] if np.isfinite(v) else None
               for i, v in enumerate(values)]  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 
 import pytest
+from two_classes import write_meshes
 
 from sim.cli import main
 
@@ -153,3 +154,23 @@ def test_without_webgl_all_else_works(browser, report) -> None:
     page.locator("#slider").fill("2")
     assert page.locator("#number").inner_text() == f"2 of {ACTIONS}"
     context.close()
+
+
+def test_a_second_class_has_a_map_and_layers_of_its_own(browser, tmp_path) -> None:
+    out = tmp_path / "run"
+    arguments = ["--steps", "3", "--arm", "none", "--seed", "2", "--plan-for", "target", "--out", str(out)]
+    assert main(["episode", "--scenario", str(write_meshes(tmp_path)), *arguments]) == 0
+    opened = Opened(browser, out / "report.html", viewport={"width": 800, "height": 900})
+    page = opened.ready()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 800
+    page.locator("input[name=level]").fill("0.05")
+    assert opened.state["targetTriangles"] > 0
+    for layer in ("target-truth", "target-map"):
+        before = picture(page)
+        page.locator(f"input[name={layer}]").uncheck()
+        assert picture(page) != before, layer
+    page.locator("#slider").fill("0")
+    assert opened.state["targetTriangles"] == 0
+    assert page.locator("svg[data-chart=target] polyline").is_visible()
+    assert opened.complaints == []
+    opened.context.close()

@@ -17,6 +17,7 @@ from .run_record import RunRecord
 from .world.solid import Solid
 
 ORGAN, TRUTH, MAP, PROBE = (165, 138, 131, 60), (213, 94, 0, 160), (0, 114, 178, 255), (0, 158, 115, 255)
+STRUCTURE, KEEPOUT = (84, 96, 110, 255), (240, 228, 66, 255)
 CURVES = ("sensed_fraction", "auprc", "expected_improvement")
 N_SIDES = 32
 
@@ -38,6 +39,10 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
     stream.log("world/organ", _mesh(rr, record.anatomy.organ, ORGAN), static=True)
     for i, tumour in enumerate(record.anatomy.tumours):
         stream.log(f"world/tumours/{i + 1}", _mesh(rr, tumour, TRUTH), static=True)
+    for i, structure in enumerate(record.anatomy.structures):
+        colour = KEEPOUT if structure.is_keepout else STRUCTURE
+        entity = ["world", "structures", f"{i + 1} {structure.name}"]
+        stream.log(entity, _mesh(rr, structure.solid, colour), static=True)
     stream.log("world/probe/cone", _cone(rr, record), static=True)
     began_s = 0.0
     for index, T in enumerate(record.T_world_probe):

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import UsageError
 from .motion import Motion
@@ -13,6 +16,7 @@ from .recording import RunFolder
 from .world.anatomy import Anatomy, build_anatomy
 from .world.errors import WorldError
 from .world.solid import Solid
+from .world.structures import Structure
 
 ANATOMY = "anatomy.npz"
 KEYS = ("time_s", "states", "tips_m", "phases")
@@ -25,19 +29,23 @@ def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
 
 
 def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
-    """Write the surfaces of organ and tumours and the points by which detection is measured, world frame [m]."""
+    """Write the surfaces of organ, tumours and structures, and the points that tell detection, world frame [m]."""
+    structures = anatomy.structures
     solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
+    solids |= {f"structure{i}": structure.solid for i, structure in enumerate(structures)}
     arrays = {f"{name}_vertices_m": solid.vertices_m for name, solid in solids.items()}
     arrays |= {f"{name}_faces": solid.faces.astype(np.int32) for name, solid in solids.items()}
     arrays |= {
         "detection_points_m": anatomy.detection_points_m,
         "detection_tumours": anatomy.detection_tumours,
+        "structure_names": np.array([structure.name for structure in structures], dtype=np.str_),
+        "structure_is_keepout": np.array([structure.is_keepout for structure in structures], dtype=np.bool_),
     }
     folder.write_arrays(ANATOMY, compressed=True, **arrays)
 
 
 def read_anatomy(folder: Path) -> Anatomy:
-    """The anatomy of a run, without detection points.
+    """The anatomy of a run, without detection points; without structures where they were not kept yet.
 
     Raises:
         UsageError: The file is missing or broken.
@@ -46,15 +54,29 @@ def read_anatomy(folder: Path) -> Anatomy:
         with np.load(folder / ANATOMY, allow_pickle=False) as arrays:
             names = [key.removesuffix("_faces") for key in arrays.files if key.endswith("_faces")]
             solids = {name: Solid(arrays[f"{name}_vertices_m"], arrays[f"{name}_faces"]) for name in names}
-            tumours = tuple(solids[f"tumour{i}"] for i in range(len(names) - 1))
-            rng = np.random.default_rng(0)
-            return build_anatomy(solids["organ"], tumours, name=folder.name, rng=rng, n_detection_points=0)
+            n_tumours = sum(name.startswith("tumour") for name in names)
+            tumours = tuple(solids[f"tumour{i}"] for i in range(n_tumours))
+            return build_anatomy(
+                solids["organ"], tumours, name=folder.name, rng=np.random.default_rng(0), n_detection_points=0,
+                structures=_structures(arrays, solids),
+            )  # fmt: skip
     except FileNotFoundError as error:
         raise UsageError(
             f"{folder / ANATOMY}: missing; only runs that recorded motion can be replayed."
         ) from error
     except (OSError, ValueError, KeyError, zipfile.BadZipFile, WorldError) as error:
         raise UsageError(f"{folder / ANATOMY}: cannot be read ({error}). Run the episode again.") from error
+
+
+def _structures(arrays: Mapping[str, NDArray[Any]], solids: Mapping[str, Solid]) -> tuple[Structure, ...]:
+    """The structures of an anatomy's file; none in one of before they were kept."""
+    if "structure_names" not in arrays:
+        return ()
+    marks = zip(arrays["structure_names"], arrays["structure_is_keepout"], strict=True)
+    return tuple(
+        Structure(name=str(name), solid=solids[f"structure{i}"], is_keepout=bool(is_keepout))
+        for i, (name, is_keepout) in enumerate(marks)
+    )
 
 
 def read_motions(folder: Path) -> dict[int, Motion]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
+from opened_page import Opened
 
 from sim.cli import main
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs pip install 'sounding[dev]'")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ACTIONS = 5
 
 
@@ -19,40 +16,6 @@ def report(tmp_path_factory):
     arguments = ["--scenario", "sphere", "--steps", str(ACTIONS), "--arm", "none", "--seed", "1"]
     assert main(["episode", *arguments, "--out", str(out)]) == 0
     return out / "report.html"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if path is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=path, args=arguments)
-        yield running
-        running.close()
-
-
-class Opened:
-    """A page with all that it said and asked for."""
-
-    def __init__(self, browser, address, **context) -> None:
-        self.context = browser.new_context(**context)
-        self.page = self.context.new_page()
-        self.complaints: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.complaints.append(f"{message.type}: {message.text}"))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(address.as_uri())
-
-    def ready(self):
-        self.page.wait_for_function("window.soundingReport", timeout=60_000)
-        return self.page
-
-    @property
-    def state(self):
-        return self.page.evaluate("window.soundingReport.state && {...window.soundingReport.state}")
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from ..replay import Recording, read_recording
 from ..run_record import RunRecord
 from ..scenarios import PAPER_ORGAN
 from ..world.errors import WorldError
+from ..world.structures import Structure
 from .arm_parts import arm_parts, body_poses
 from .mesh_thinning import thinned
 from .packing import Pack, add_mesh
@@ -20,6 +21,10 @@ from .packing import Pack, add_mesh
 MOST_HISTORY_BYTES = 24_000_000
 """Maps before compression, a byte a point: more of them are thinned out."""
 MOST_ORGAN_FACES = 40_000
+MOST_STRUCTURE_FACES = 40_000
+"""Of all structures together, shared among them as their triangles are."""
+LEAST_STRUCTURE_FACES = 500
+"""Of each of them: fewer would be no likeness."""
 
 
 def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
@@ -30,6 +35,7 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
     return {
         "organ": add_mesh(pack, *thinned(anatomy.organ.vertices_m, anatomy.organ.faces, MOST_ORGAN_FACES)),
         "tumours": [add_mesh(pack, solid.vertices_m, solid.faces) for solid in anatomy.tumours],
+        "structures": _structures(anatomy.structures, pack),
         "bounds": bounds_m.tolist(),
         "T_world_organ": record.T_world_organ.tolist(),
         "is_patient": record.scenario["organ"] != PAPER_ORGAN,
@@ -43,6 +49,21 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
         "paths": None if recording is None else _paths(recording, record.n_steps, pack),
         "map": _map(record, pack),
     }
+
+
+def _structures(structures: tuple[Structure, ...], pack: Pack) -> list[dict[str, Any]]:
+    """The surfaces of vessels and the like, thinned to what a page has room for."""
+    n_faces = sum(len(structure.solid.faces) for structure in structures)
+    shown = []
+    for structure in structures:
+        solid = structure.solid
+        share = len(solid.faces) * MOST_STRUCTURE_FACES // n_faces
+        mesh = thinned(solid.vertices_m, solid.faces, max(share, LEAST_STRUCTURE_FACES))
+        if len(mesh[1]):
+            shown.append(
+                {"name": structure.name, "is_keepout": structure.is_keepout, **add_mesh(pack, *mesh)}
+            )
+    return shown
 
 
 def _recording(record: RunRecord) -> Recording | None:

@@ -77,13 +77,14 @@
 
   const addLegend = () => {
     const legend = document.getElementById("legend");
-    for (const [name, text, group, colour] of view.layers) {
+    for (const [name, text, group, colour, names] of view.layers) {
       const label = document.createElement("label"), box = document.createElement("input"), swatch = document.createElement("i");
       box.type = "checkbox"; box.checked = group.visible; box.name = name;
       box.addEventListener("change", () => { group.visible = box.checked; view.request(); });
       label.append(box);
-      if (colour) { swatch.style.background = colour === "organ" ? "#a58a83" : `var(--${colour})`; label.append(swatch); }
+      if (colour) { swatch.className = colour; label.append(swatch); }
       label.append(text);
+      if (names) label.title = names;
       legend.append(label);
     }
     if (!data.view.map) return;

@@ -27,9 +27,12 @@ const makeView = (data, array, onPick) => {
     "uniform vec3 colour; uniform float base; uniform float rim; varying vec3 n; varying vec3 e; void main() { float facing = abs(dot(normalize(n), normalize(e))); gl_FragColor = vec4(colour, base + rim * pow(1.0 - facing, 2.2)); }",
     { transparent: true, depthWrite: false, side: side ?? THREE.FrontSide },
   ), name);
-  const lit = colour => {
-    const material = shader({}, surfaceVertex,
-      "uniform vec3 colour; varying vec3 n; varying vec3 e; void main() { vec3 m = normalize(n); float key = max(dot(m, normalize(vec3(-0.35, 0.75, 0.6))), 0.0); float fill = 0.5 + 0.5 * m.y; float glint = pow(max(dot(m, normalize(normalize(e) + vec3(-0.2, 0.6, 0.4))), 0.0), 40.0); gl_FragColor = vec4(colour * (0.46 + 0.2 * fill + 0.46 * key) + 0.10 * glint, 1.0); }", {});
+  const lit = (colour, { hasStripes = false, side = THREE.FrontSide } = {}) => {
+    const [place, shade] = hasStripes // stripes of 4 mm tell it apart without its colour
+      ? [surfaceVertex.replace("void main() {", "varying float w; void main() { w = dot(position, vec3(72.0));"), "(abs(fract(w) - 0.5) < 0.25 ? 0.22 : 1.0)"]
+      : [surfaceVertex, "1.0"];
+    const material = shader({}, place,
+      (hasStripes ? "varying float w; " : "") + "uniform vec3 colour; varying vec3 n; varying vec3 e; void main() { vec3 m = normalize(gl_FrontFacing ? n : -n); float key = max(dot(m, normalize(vec3(-0.35, 0.75, 0.6))), 0.0); float fill = 0.5 + 0.5 * m.y; float glint = pow(max(dot(m, normalize(normalize(e) + vec3(-0.2, 0.6, 0.4))), 0.0), 40.0); gl_FragColor = vec4(colour * " + shade + " * (0.46 + 0.2 * fill + 0.46 * key) + 0.10 * glint, 1.0); }", { side });
     if (typeof colour === "string") coloured(material, colour); else material.uniforms.colour.value.setRGB(...colour);
     return material;
   };
@@ -79,6 +82,16 @@ const makeView = (data, array, onPick) => {
   const tumourMaterial = veil("truth", 0.16, 0.9);
   for (const mesh of data.tumours) truth.add(new THREE.Mesh(geometryOf(mesh), tumourMaterial));
   for (const mesh of truth.children) mesh.renderOrder = 3;
+
+  // Vessels and the like, which may be open; those that must not be pressed are striped.
+  const structures = layer(), keepouts = layer();
+  const structureMaterial = lit("structure", { side: THREE.DoubleSide });
+  const keepoutMaterial = lit("keepout", { side: THREE.DoubleSide, hasStripes: true });
+  for (const mesh of data.structures) {
+    const [group, material] = mesh.is_keepout ? [keepouts, keepoutMaterial] : [structures, structureMaterial];
+    group.add(new THREE.Mesh(geometryOf(mesh), material));
+  }
+  const namesOf = isKeepout => data.structures.filter(mesh => mesh.is_keepout === isKeepout).map(mesh => mesh.name).join(", ");
 
   // The map's surface after an action.
   const mapped = layer();
@@ -341,10 +354,12 @@ const makeView = (data, array, onPick) => {
   presets.organ();
   const layers = [
     ["organ", "Organ", organ, "organ"], ["truth", "True tumours", truth, "truth"], ["map", "Map", mapped, "map"],
+    ["structures", "Vessels and the like", structures, "structure", namesOf(false)],
+    ["keepouts", "Must not be pressed", keepouts, "keepout", namesOf(true)],
     ["poses", "Sensing poses", past, "probe"], ["cone", "Cone", sweep, "probe"], ["arm", data.base ? "Arm" : "Probe", arm, null],
     ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
     ["frames", "Axes", frames, null], ["table", "Table", table, null],
-  ].filter(([name]) => !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
+  ].filter(([name, , group]) => !(["structures", "keepouts"].includes(name) && !group.children.length) && !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
     && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length));
   way.visible = false;
   return {

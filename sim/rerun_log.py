@@ -41,7 +41,7 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
         stream.log(f"world/tumours/{i + 1}", _mesh(rr, tumour, TRUTH), static=True)
     for i, structure in enumerate(record.anatomy.structures):
         colour = KEEPOUT if structure.is_keepout else STRUCTURE
-        entity = ["world", "structures", f"{i + 1} {structure.name}"]
+        entity: list[object] = ["world", "structures", f"{i + 1} {structure.name}"]
         stream.log(entity, _mesh(rr, structure.solid, colour), static=True)
     stream.log("world/probe/cone", _cone(rr, record), static=True)
     began_s = 0.0

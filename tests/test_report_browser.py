@@ -13,7 +13,18 @@ ACTIONS = 5
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("browser") / "run"
-    arguments = ["--scenario", "sphere", "--steps", str(ACTIONS), "--arm", "none", "--seed", "1"]
+    arguments = [
+        "--scenario",
+        "sphere",
+        "--steps",
+        str(ACTIONS),
+        "--arm",
+        "none",
+        "--seed",
+        "1",
+        "--frames",
+        "each",
+    ]
     assert main(["episode", *arguments, "--out", str(out)]) == 0
     return out / "report.html"
 
@@ -53,6 +64,18 @@ def test_the_slider_moves_the_view_and_the_curves(opened) -> None:
     assert len({tuple(tip) for tip in seen[1:]}) == 3
     assert len(set(places[1:])) == 3
     assert len(set(pictures)) == 4
+
+
+def test_the_frame_follows_the_slider_and_is_decoded_when_it_is_shown(opened) -> None:
+    page, addresses = opened.page, []
+    for step in (ACTIONS, 1, 3, ACTIONS):
+        page.locator("#slider").fill(str(step))
+        addresses.append(page.locator("#frame").get_attribute("src"))
+        assert page.locator("#frame").get_attribute("data-step") == str(step)
+        page.wait_for_function("document.getElementById('frame').naturalWidth > 0")
+    assert len(set(addresses[:3])) == 3
+    assert addresses[3] == addresses[0]
+    assert page.evaluate("document.images.length") == 1
 
 
 def test_the_keys_move_it_and_the_space_bar_plays(opened) -> None:

@@ -11,7 +11,7 @@ from .inspection_figure import draw_inspection
 from .patient_options import InspectOptions
 from .world.anatomy_files import AnatomyFiles, LoadedAnatomy, load_anatomy
 from .world.errors import WorldError
-from .world.label_anatomy import count_pieces
+from .world.label_anatomy import box_of, count_pieces
 from .world.label_coding import LabelChoice
 from .world.solid import Solid
 from .world.surface_distance import SurfaceDistance
@@ -46,7 +46,7 @@ def run_inspect(options: InspectOptions) -> Inspection:
     volume = load_volume(options.file, spacing_m=spacing_m) if is_volume(options.file) else None
     lines = [f"{options.file}"] + ([] if volume is None else _volume_lines(volume))
     try:
-        loaded = load_anatomy(_files(options, spacing_m))
+        loaded = load_anatomy(_files(options, spacing_m), volume=volume)
     except WorldError as error:
         if volume is None:
             raise
@@ -92,7 +92,7 @@ def _files(options: InspectOptions, spacing_m: tuple[float, float, float] | None
 
 def _volume_lines(volume: Volume) -> list[str]:
     """The grid, and a line per label."""
-    shape, spacing_mm = volume.labels.shape, volume.spacing_m * 1e3
+    shape, spacing_mm = volume.scan_shape, volume.spacing_m * 1e3
     oblique = f", oblique by {np.rad2deg(volume.obliquity_rad):.1f} degrees" if volume.is_oblique else ""
     lines = [
         f"label volume of {_by(shape)} voxels, {_by(spacing_mm, '.4g')} mm each, {_by(spacing_mm * shape, '.0f')} mm "
@@ -117,8 +117,7 @@ def _volume_lines(volume: Volume) -> list[str]:
 def _pieces(volume: Volume, label: int) -> tuple[int, float, NDArray[np.float64]]:
     """Number of connected pieces of a label, share of its voxels in the largest, and its extent [mm]."""
     mask = volume.labels == label
-    ends = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
-    part = mask[tuple(slice(int(end[0]), int(end[-1]) + 1) for end in ends)]
+    part = mask[box_of(mask)]
     pieces = np.empty(part.shape, dtype=np.int32)
     n = count_pieces(part, pieces)
     share = np.bincount(pieces.ravel())[1:].max() / volume.counts[label]

@@ -18,6 +18,7 @@ from .world.solid import Solid
 
 ORGAN, TRUTH, MAP, PROBE = (165, 138, 131, 60), (213, 94, 0, 160), (0, 114, 178, 255), (0, 158, 115, 255)
 SECOND, SECOND_MAP = (204, 121, 167, 160), (230, 159, 0, 255)
+STRUCTURE, KEEPOUT = (84, 96, 110, 255), (240, 228, 66, 255)
 CURVES = ("sensed_fraction", "auprc", "target_sensed_fraction", "target_auprc", "expected_improvement")
 N_SIDES = 32
 
@@ -41,6 +42,10 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
         stream.log(f"world/tumours/{i + 1}", _mesh(rr, tumour, TRUTH), static=True)
     for i, target in enumerate(record.target.anatomy.tumours if record.target else ()):
         stream.log(f"world/targets/{i + 1}", _mesh(rr, target, SECOND), static=True)
+    for i, structure in enumerate(record.anatomy.structures):
+        colour = KEEPOUT if structure.is_keepout else STRUCTURE
+        entity: list[object] = ["world", "structures", f"{i + 1} {structure.name}"]
+        stream.log(entity, _mesh(rr, structure.solid, colour), static=True)
     stream.log("world/probe/cone", _cone(rr, record), static=True)
     began_s = 0.0
     for index, T in enumerate(record.T_world_probe):

@@ -24,7 +24,8 @@ SCENE = "mapped.glb"
 MM_PER_M = 1e3
 COLOURS = {"organ": (0.72, 0.55, 0.50, 0.25), "tumour": (0.84, 0.37, 0.0, 0.6), "mapped": (0.0, 0.45, 0.70, 1.0),
            "target": (0.80, 0.47, 0.65, 0.6), "mapped_target": (0.90, 0.62, 0.0, 1.0),
-          "false": (0.35, 0.35, 0.35, 1.0)}  # fmt: skip
+           "false": (0.35, 0.35, 0.35, 1.0), "structure": (0.33, 0.38, 0.43, 1.0),
+           "keepout": (0.94, 0.89, 0.26, 1.0)}  # fmt: skip
 """Red, green, blue and opacity of each kind of surface."""
 
 
@@ -52,8 +53,12 @@ def write_surfaces(record: RunRecord, findings: Findings) -> list[Path]:
         mesh = solid.transformed(T_organ_world).to_trimesh()
         mesh.apply_scale(MM_PER_M)
         files.append(_write(folder / f"{name}.stl", mesh.export(file_type="stl")))
+    others = {
+        f"{'keepout' if structure.is_keepout else 'structure'}_{i + 1}": structure.solid
+        for i, structure in enumerate(record.anatomy.structures)
+    }
     scene = trimesh.Scene()
-    for name, solid in ({"organ": record.anatomy.organ} | truth | mapped).items():
+    for name, solid in ({"organ": record.anatomy.organ} | others | truth | mapped).items():
         scene.add_geometry(_coloured(solid.transformed(T_organ_world), name), node_name=name, geom_name=name)
     return [*files, _write(folder / SCENE, scene.export(file_type="glb"))]
 

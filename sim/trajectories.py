@@ -5,8 +5,10 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import UsageError
 from .motion import Motion
@@ -14,6 +16,7 @@ from .recording import RunFolder
 from .world.anatomy import Anatomy, build_anatomy
 from .world.errors import WorldError
 from .world.solid import Solid
+from .world.structures import Structure
 
 ANATOMY = "anatomy.npz"
 KEYS = ("time_s", "states", "tips_m", "phases")
@@ -26,9 +29,10 @@ def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
 
 
 def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
-    """Write the surfaces of organ, tumours and targets, and the points by which detection is measured, world [m]."""
+    """Write the surfaces of organ, tumours, targets and structures, and the points that tell detection, world [m]."""
+    structures, target = anatomy.structures, anatomy.target
     solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
-    target = anatomy.target
+    solids |= {f"structure{i}": structure.solid for i, structure in enumerate(structures)}
     if target is not None:
         solids |= {f"target{i}": body for i, body in enumerate(target.tumours)}
     arrays = {f"{name}_vertices_m": solid.vertices_m for name, solid in solids.items()}
@@ -36,6 +40,8 @@ def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
     arrays |= {
         "detection_points_m": anatomy.detection_points_m,
         "detection_tumours": anatomy.detection_tumours,
+        "structure_names": np.array([structure.name for structure in structures], dtype=np.str_),
+        "structure_is_keepout": np.array([structure.is_keepout for structure in structures], dtype=np.bool_),
     }
     if target is not None:
         arrays |= {
@@ -47,7 +53,7 @@ def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
 
 
 def read_anatomy(folder: Path) -> Anatomy:
-    """The anatomy of a run, without detection points.
+    """The anatomy of a run, without detection points; without structures where they were not kept yet.
 
     Raises:
         UsageError: The file is missing or broken.
@@ -59,7 +65,7 @@ def read_anatomy(folder: Path) -> Anatomy:
             target = None
             if "target_name" in arrays.files:
                 target = _bare(str(arrays["target_name"]), solids, "target")
-            return _bare(folder.name, solids, "tumour", target)
+            return _bare(folder.name, solids, "tumour", target, _structures(arrays, solids))
     except FileNotFoundError as error:
         raise UsageError(
             f"{folder / ANATOMY}: missing; only runs that recorded motion can be replayed."
@@ -68,11 +74,30 @@ def read_anatomy(folder: Path) -> Anatomy:
         raise UsageError(f"{folder / ANATOMY}: cannot be read ({error}). Run the episode again.") from error
 
 
-def _bare(name: str, solids: Mapping[str, Solid], kind: str, target: Anatomy | None = None) -> Anatomy:
+def _bare(
+    name: str,
+    solids: Mapping[str, Solid],
+    kind: str,
+    target: Anatomy | None = None,
+    structures: tuple[Structure, ...] = (),
+) -> Anatomy:
     """The organ with all bodies of a kind, without detection points."""
     bodies = tuple(solids[f"{kind}{i}"] for i in range(sum(each.startswith(kind) for each in solids)))
-    rng = np.random.default_rng(0)
-    return build_anatomy(solids["organ"], bodies, name=name, rng=rng, n_detection_points=0, target=target)
+    return build_anatomy(
+        solids["organ"], bodies, name=name, rng=np.random.default_rng(0), n_detection_points=0, target=target,
+        structures=structures,
+    )  # fmt: skip
+
+
+def _structures(arrays: Mapping[str, NDArray[Any]], solids: Mapping[str, Solid]) -> tuple[Structure, ...]:
+    """The structures of an anatomy's file; none in one of before they were kept."""
+    if "structure_names" not in arrays:
+        return ()
+    marks = zip(arrays["structure_names"], arrays["structure_is_keepout"], strict=True)
+    return tuple(
+        Structure(name=str(name), solid=solids[f"structure{i}"], is_keepout=bool(is_keepout))
+        for i, (name, is_keepout) in enumerate(marks)
+    )
 
 
 def read_motions(folder: Path) -> dict[int, Motion]:

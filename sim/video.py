@@ -69,7 +69,7 @@ def _pictures(recording: Recording, options: ReplayOptions, n_frames: int) -> It
                 sensed_m=recording.sensed_m[:index], path_m=recording.motions[step].tips_m[::PATH_EVERY]
             )
             caption = f"{recording.folder.name}   ·   action {step}   ·   {time_s:.1f} s"
-            yield captioned(renderer.render(data, overlay), caption)
+            yield captioned(renderer.render(data, overlay), caption, recording.scene.anatomy.structures)
 
 
 def _import_av() -> Any:

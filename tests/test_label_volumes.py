@@ -52,7 +52,9 @@ def test_simpleitk_and_this_reader_agree_on_where_voxels_lie(tmp_path_factory, a
     for name in ("a.nrrd", "a.nii.gz", "a.nii"):
         SimpleITK.WriteImage(image, str(folder / name))
         volume = load_volume(folder / name)
-        assert np.array_equal(volume.labels, labels)
+        assert np.array_equal(volume.labels, labels[volume.box])
+        assert volume.labels.astype(bool).sum() == (labels > 0).sum()
+        assert volume.scan_shape == labels.shape
         # NIfTI keeps its affine in single precision.
         assert (volume.T_lps_voxel @ [*corner, 1.0])[:3] == pytest.approx(expected_m, abs=2e-6)
 

@@ -12,13 +12,9 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from sim.cli import main
 from sim.report.charts import count_ticks, curve_chart, progress_chart, reliability
-from sim.report.frames import frame_images
-from sim.report.mesh_thinning import thinned
-from sim.report.packing import Pack, add_mesh
 from sim.report.series_charts import Series, series_chart, span_of
 from sim.report.view_data import thinned_steps
 
@@ -96,7 +92,7 @@ def test_poses_and_the_last_map_are_those_of_the_folder(recorded) -> None:
     x = [float(row["T_world_probe_position_x_m"]) for row in rows]
     np.testing.assert_allclose(tips[:, 0, 3], x, atol=1e-6)
     maps = [unpacked(page, place).astype(np.int64) for place in view["map"]["maps"]]
-    last = np.cumsum(maps, axis=0)[-1].astype(np.int8) * view["map"]["log_odds_step"]
+    last = maps[-1] * view["map"]["log_odds_step"]
     with np.load(recorded / "map.npz") as arrays:
         probability = arrays["probability"][arrays["is_inside"]].astype(np.float64)
         inside = np.unpackbits(unpacked(page, view["map"]["inside"]), bitorder="little")[
@@ -198,54 +194,6 @@ def test_the_view_needs_no_arms_file(run) -> None:
     (run / "config.json").write_text(json.dumps(config))
     assert main(["report", str(run)]) == 0
     assert json.loads(page_of(run).texts["data"])["view"]["arm"] is None
-
-
-def test_frames_are_made_smaller_until_they_fit(tmp_path) -> None:
-    noise = np.random.default_rng(0)
-    for step in range(1, 9):
-        Image.fromarray(noise.integers(0, 255, (240, 320, 3), dtype=np.uint8)).save(
-            tmp_path / f"{step:04d}.png"
-        )
-    every = frame_images(tmp_path, most_bytes=10_000_000)
-    assert list(every) == list(range(1, 9))
-    few = frame_images(tmp_path, most_bytes=1_200_000)
-    assert sum(map(len, few.values())) <= 1_200_000
-    assert max(few) == 8  # the last one is kept
-    assert len(few) < 8
-    assert frame_images(tmp_path / "none", most_bytes=100) == {}
-
-
-def test_arrays_come_back_from_a_pack() -> None:
-    pack, rng = Pack(), np.random.default_rng(0)
-    arrays = [
-        rng.integers(0, 100, 7).astype(np.uint8),
-        rng.normal(size=5).astype(np.float32),
-        np.arange(3, dtype=np.uint32),
-    ]
-    places = [pack.add(array) for array in arrays]
-    content = zlib.decompress(base64.b64decode(pack.text()))
-    for array, place in zip(arrays, places, strict=True):
-        assert place["at"] % 8 == 0
-        np.testing.assert_array_equal(np.frombuffer(content, place["kind"], place["n"], place["at"]), array)
-
-
-def test_a_mesh_keeps_its_vertices_to_a_part_in_65535() -> None:
-    pack, vertices = Pack(), np.random.default_rng(0).normal(size=(50, 3))
-    mesh = add_mesh(pack, vertices, np.arange(48).reshape(-1, 3))
-    content = zlib.decompress(base64.b64decode(pack.text()))
-    fine = np.frombuffer(content, "uint16", mesh["vertices"]["n"], mesh["vertices"]["at"]).reshape(-1, 3)
-    back = np.array(mesh["low"]) + fine * np.array(mesh["scale"])
-    np.testing.assert_allclose(back, vertices, atol=np.ptp(vertices) / 65535)
-
-
-def test_large_meshes_are_thinned_and_keep_their_place() -> None:
-    import trimesh
-
-    mesh = trimesh.creation.icosphere(subdivisions=6, radius=0.1)
-    vertices, faces = thinned(np.asarray(mesh.vertices), np.asarray(mesh.faces), 20_000)
-    assert len(faces) <= 20_000
-    np.testing.assert_allclose(np.linalg.norm(vertices, axis=1), 0.1, atol=0.002)
-    assert thinned(mesh.vertices, mesh.faces, 10**6)[1] is mesh.faces
 
 
 def test_thinned_steps_keep_both_ends() -> None:

@@ -2,58 +2,32 @@
 
 from __future__ import annotations
 
-import shutil
-
 import pytest
+from opened_page import Opened
 from two_classes import write_meshes
 
 from sim.cli import main
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs pip install 'sounding[dev]'")
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ACTIONS = 5
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     out = tmp_path_factory.mktemp("browser") / "run"
-    arguments = ["--scenario", "sphere", "--steps", str(ACTIONS), "--arm", "none", "--seed", "1"]
+    arguments = [
+        "--scenario",
+        "sphere",
+        "--steps",
+        str(ACTIONS),
+        "--arm",
+        "none",
+        "--seed",
+        "1",
+        "--frames",
+        "each",
+    ]
     assert main(["episode", *arguments, "--out", str(out)]) == 0
     return out / "report.html"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if path is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=path, args=arguments)
-        yield running
-        running.close()
-
-
-class Opened:
-    """A page with all that it said and asked for."""
-
-    def __init__(self, browser, address, **context) -> None:
-        self.context = browser.new_context(**context)
-        self.page = self.context.new_page()
-        self.complaints: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.complaints.append(f"{message.type}: {message.text}"))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(address.as_uri())
-
-    def ready(self):
-        self.page.wait_for_function("window.soundingReport", timeout=60_000)
-        return self.page
-
-    @property
-    def state(self):
-        return self.page.evaluate("window.soundingReport.state && {...window.soundingReport.state}")
 
 
 @pytest.fixture
@@ -91,6 +65,18 @@ def test_the_slider_moves_the_view_and_the_curves(opened) -> None:
     assert len({tuple(tip) for tip in seen[1:]}) == 3
     assert len(set(places[1:])) == 3
     assert len(set(pictures)) == 4
+
+
+def test_the_frame_follows_the_slider_and_is_decoded_when_it_is_shown(opened) -> None:
+    page, addresses = opened.page, []
+    for step in (ACTIONS, 1, 3, ACTIONS):
+        page.locator("#slider").fill(str(step))
+        addresses.append(page.locator("#frame").get_attribute("src"))
+        assert page.locator("#frame").get_attribute("data-step") == str(step)
+        page.wait_for_function("document.getElementById('frame').naturalWidth > 0")
+    assert len(set(addresses[:3])) == 3
+    assert addresses[3] == addresses[0]
+    assert page.evaluate("document.images.length") == 1
 
 
 def test_the_keys_move_it_and_the_space_bar_plays(opened) -> None:

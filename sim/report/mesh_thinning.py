@@ -1,24 +1,61 @@
-"""Thinning of meshes that are only to be looked at, by drawing their vertices together on a grid."""
+"""Thinning of meshes that are only to be looked at: by collapsing edges, or on a grid where that is not installed."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..world.solid import Solid
 
-def thinned(
-    vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_faces: int
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """A mesh with the vertices of each cell of a grid drawn together, the finest grid that leaves few enough faces."""
+Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+LEAST_FACES = 500
+"""Of each of several surfaces: fewer would be no likeness."""
+
+
+def thinned_together(solids: Sequence[Solid], most_faces: int) -> list[Surface]:
+    """Surfaces thinned to so many triangles together, shared among them as their triangles are; none is left empty."""
+    n_faces = sum(len(solid.faces) for solid in solids)
+    shares = [max(len(solid.faces) * most_faces // n_faces, LEAST_FACES) for solid in solids]
+    return [thinned(each.vertices_m, each.faces, share) for each, share in zip(solids, shares, strict=True)]
+
+
+def thinned(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_faces: int) -> Surface:
+    """A mesh with about so many triangles at most, its vertices shape (V, 3) [m] and its faces shape (F, 3)."""
+    if len(faces) <= most_faces:
+        return vertices_m, faces
+    try:
+        import fast_simplification
+    except ImportError:
+        return _drawn_together(vertices_m, faces, most_faces)
+    centre_m = vertices_m.mean(axis=0)
+    centred_mm = np.ascontiguousarray((vertices_m - centre_m) * 1e3, dtype=np.float32)
+    simplify: Any = fast_simplification.simplify  # releases differ in whether they say what they take
+    points_mm, triangles = simplify(
+        centred_mm, np.ascontiguousarray(faces, dtype=np.int32), target_count=most_faces
+    )
+    if not len(triangles):
+        return _drawn_together(vertices_m, faces, most_faces)
+    return np.asarray(points_mm, dtype=np.float64) * 1e-3 + centre_m, np.asarray(triangles, dtype=np.int64)
+
+
+def _drawn_together(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_faces: int) -> Surface:
+    """The vertices of each cell of a grid drawn together, on the finest grid that leaves few enough faces."""
     low, extent = vertices_m.min(axis=0), np.ptp(vertices_m, axis=0).max()
+    kept = vertices_m, faces
     for n_cells in (256, 192, 128, 96, 64, 32):
-        if len(faces) <= most_faces:
+        if len(kept[1]) <= most_faces:
             break
-        cells = np.floor((vertices_m - low) / extent * n_cells).astype(np.int64)
-        _, cell_of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-        drawn = np.stack([np.bincount(cell_of.ravel(), vertices_m[:, i]) for i in range(3)], axis=1)
-        faces = cell_of.ravel()[faces]
-        vertices_m = drawn / counts[:, None]
-        is_flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
-        faces = faces[~is_flat]
-    return vertices_m, faces
+        kept = _on_grid(*kept, np.floor((kept[0] - low) / extent * n_cells).astype(np.int64))
+    return kept
+
+
+def _on_grid(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], cells: NDArray[np.int64]) -> Surface:
+    """The mean of each cell's vertices, and the triangles that are still triangles."""
+    _, cell_of, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    drawn = np.stack([np.bincount(cell_of.ravel(), vertices_m[:, i]) for i in range(3)], axis=1)
+    faces = cell_of.ravel()[faces]
+    is_flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 0] == faces[:, 2])
+    return drawn / counts[:, None], faces[~is_flat]

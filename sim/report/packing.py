@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .creases import creased
+
 ALIGNMENT = 8
 """Arrays begin at multiples of this many bytes, as JavaScript's typed arrays have to."""
 LEVEL = 6
@@ -38,7 +40,7 @@ class Pack:
 
 
 def add_mesh(pack: Pack, vertices_m: ArrayLike, faces: ArrayLike) -> dict[str, Any]:
-    """Take a triangle mesh in, its vertices in 1/65535 of its box.
+    """Take a triangle mesh in, its vertices in 1/65535 of its box, with the normals to light it by.
 
     Args:
         pack: Where to.
@@ -49,6 +51,7 @@ def add_mesh(pack: Pack, vertices_m: ArrayLike, faces: ArrayLike) -> dict[str, A
         Its box and where its arrays lie.
     """
     vertices, triangles = np.asarray(vertices_m, dtype=np.float64), np.asarray(faces)
+    vertices, normals, triangles = creased(vertices, triangles)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     scale = np.where(high > low, high - low, 1.0)
     fine = np.rint((vertices - low) / scale * 65535).astype(np.uint16)
@@ -57,5 +60,6 @@ def add_mesh(pack: Pack, vertices_m: ArrayLike, faces: ArrayLike) -> dict[str, A
         "low": low.tolist(),
         "scale": (scale / 65535).tolist(),
         "vertices": pack.add(fine.ravel()),
+        "normals": pack.add(np.rint(normals * 127).astype(np.int8).ravel()),
         "faces": pack.add(triangles.astype(kind).ravel()),
     }

@@ -13,13 +13,19 @@ from ..replay import Recording, read_recording
 from ..run_record import RunRecord
 from ..scenarios import PAPER_ORGAN
 from ..world.errors import WorldError
+from ..world.structures import Structure
 from .arm_parts import arm_parts, body_poses
-from .mesh_thinning import thinned
+from .mesh_thinning import thinned, thinned_together
 from .packing import Pack, add_mesh
 
 MOST_HISTORY_BYTES = 24_000_000
 """Maps before compression, a byte a point: more of them are thinned out."""
-MOST_ORGAN_FACES = 40_000
+MOST_ORGAN_FACES = 10_000
+"""Without a graphics card the time of a drawing is that of its triangles."""
+MOST_TUMOUR_FACES = 12_000
+"""Of all tumours together."""
+MOST_STRUCTURE_FACES = 14_000
+"""Of all structures together."""
 
 
 def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
@@ -29,7 +35,8 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
     bounds_m = anatomy.organ.bounds_m
     return {
         "organ": add_mesh(pack, *thinned(anatomy.organ.vertices_m, anatomy.organ.faces, MOST_ORGAN_FACES)),
-        "tumours": [add_mesh(pack, solid.vertices_m, solid.faces) for solid in anatomy.tumours],
+        "tumours": [add_mesh(pack, *mesh) for mesh in thinned_together(anatomy.tumours, MOST_TUMOUR_FACES)],
+        "structures": _structures(anatomy.structures, pack),
         "bounds": bounds_m.tolist(),
         "T_world_organ": record.T_world_organ.tolist(),
         "is_patient": record.scenario["organ"] != PAPER_ORGAN,
@@ -44,6 +51,15 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
         "map": _map(record, pack),
         "target": _target(record.target, pack),
     }
+
+
+def _structures(structures: tuple[Structure, ...], pack: Pack) -> list[dict[str, Any]]:
+    """The surfaces of vessels and the like, thinned to what a page has room for."""
+    meshes = thinned_together([structure.solid for structure in structures], MOST_STRUCTURE_FACES)
+    return [
+        {"name": structure.name, "is_keepout": structure.is_keepout, **add_mesh(pack, *mesh)}
+        for structure, mesh in zip(structures, meshes, strict=True)
+    ]
 
 
 def _recording(record: RunRecord) -> Recording | None:
@@ -102,17 +118,17 @@ def _target(record: RunRecord | None, pack: Pack) -> dict[str, Any] | None:
 
 
 def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:
-    """The lattice and the map after each kept action, each as its difference from the one before."""
+    """The lattice and the map after each kept action, each as its difference from the one after."""
     field = record.field
     if field is None:
         return None
     last = to_bytes(field.log_odds[field.is_inside])
     history = {step: to_bytes(log_odds) for step, log_odds in record.history.items()} | {record.n_steps: last}
     steps = thinned_steps(sorted(history), MOST_HISTORY_BYTES // max(last.size, 1))
-    before, places = np.zeros_like(last), []
-    for step in steps:
-        places.append(pack.add(history[step] - before))  # wraps around, as it does when it is added up
-        before = history[step]
+    places = []  # the last is shown first, so the others are told from it
+    for step, after in zip(steps, [*steps[1:], None], strict=True):
+        following = np.zeros_like(last) if after is None else history[after]
+        places.append(pack.add(history[step] - following))  # wraps around, as it does when it is added up
     prior = float(record.config["map"]["prior_prevalence"])
     return {
         "shape": list(field.is_inside.shape),

@@ -14,13 +14,13 @@ import numpy as np
 
 from .errors import MeshError, VolumeError
 from .file_kinds import MeshFrame, Unit
-from .label_anatomy import LabelledAnatomy, anatomy_of, shifted, tumour_pieces
+from .label_anatomy import LabelledAnatomy, anatomy_of, box_of, tumour_pieces
 from .label_coding import CODINGS, Coding, LabelChoice, coding_of
 from .label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
 from .meshes import load_mesh, load_surface, remarks_on_size
 from .solid import Solid
 from .structures import Structure
-from .volume import Volume
+from .volume import Volume, shifted
 from .volume_files import is_volume, load_volume
 
 BodyKind = Literal["tumour", "target"]
@@ -74,15 +74,19 @@ class LoadedAnatomy:
     notices: tuple[str, ...] = ()
 
 
-def load_anatomy(files: AnatomyFiles) -> LoadedAnatomy:
+def load_anatomy(files: AnatomyFiles, *, volume: Volume | None = None) -> LoadedAnatomy:
     """The anatomy that files hold.
+
+    Args:
+        files: The files.
+        volume: The organ's label volume, where the caller has loaded it already.
 
     Raises:
         WorldError: A file cannot be used.
     """
     notices: list[str] = []
     if is_volume(files.organ):
-        found = _labelled(files, notices)
+        found = _labelled(files, volume or load_volume(files.organ, spacing_m=files.spacing_m), notices)
     else:
         mesh = load_mesh(files.organ, files.unit, role="organ", frame=files.frame)
         notices += mesh.notices
@@ -122,8 +126,7 @@ def _with_files(
     return tuple(solids), tuple(names)
 
 
-def _labelled(files: AnatomyFiles, notices: list[str]) -> LabelledAnatomy:
-    volume = load_volume(files.organ, spacing_m=files.spacing_m)
+def _labelled(files: AnatomyFiles, volume: Volume, notices: list[str]) -> LabelledAnatomy:
     coding, remarks = coding_of(volume, files.labels, files.organ)
     found = anatomy_of(volume, coding, files.organ)
     said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
@@ -175,7 +178,7 @@ def _solids_of(file: str, role: BodyKind, files: AnatomyFiles, notices: list[str
     solids = []
     for piece in np.argsort(-sizes[1:], kind="stable")[:50] + 1:
         diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
-        box = _box(pieces == piece)
+        box = box_of(pieces == piece)
         solids.append(
             surface_of(pieces[box] == piece, shifted(volume.T_lps_voxel, box), tumour_surface(diameter_m))
         )
@@ -195,11 +198,6 @@ def _structure(file: str, files: AnatomyFiles, notices: list[str], *, is_keepout
             f"{file}: holds {len(volume.counts)} labels, and a structure's file one; name labels of the organ's "
             "own volume with --structure-label or --keepout-label"
         )
-    box = _box(volume.labels > 0)
+    box = box_of(volume.labels > 0)
     solid = surface_of(volume.labels[box] > 0, shifted(volume.T_lps_voxel, box), STRUCTURE_SURFACE)
     return Structure(name=name, solid=solid, is_keepout=is_keepout)
-
-
-def _box(mask: np.ndarray) -> tuple[slice, ...]:
-    ends = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
-    return tuple(slice(int(end[0]), int(end[-1]) + 1) for end in ends)

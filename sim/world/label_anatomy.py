@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_fill_holes, find_objects, generate_binary_structure, label
+from scipy.ndimage import find_objects, generate_binary_structure, label
 
 from .errors import MeshError, VolumeError
 from .label_coding import Coding, describe_labels
 from .label_surface import ORGAN_SURFACE, STRUCTURE_SURFACE, SurfaceSettings, surface_of, tumour_surface
 from .solid import Solid
 from .structures import Structure
-from .volume import Volume
+from .volume import Volume, shifted
 
 LEAST_ORGAN_SHARE = 0.5
 """Share of an organ's voxels that its largest piece must hold: scattered ones are no outline."""
@@ -74,10 +74,9 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
     box = _box_of(wanted, volume.labels)
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
     mask = _largest_pieces(wanted[labels], volume, path, notices)
-    if _touches_end(mask, box, volume.labels.shape):
+    if _touches_end(mask, box, volume):
         notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
-    filled = np.asarray(binary_fill_holes(mask))
-    organ = _surface(filled, T, ORGAN_SURFACE, path, "the organ")
+    organ = _surface(filled(mask), T, ORGAN_SURFACE, path, "the organ")
     tumours = _tumours(labels, T, mask, coding.tumours, "tumour", path, notices)
     targets = _tumours(labels, T, mask, coding.targets, "target", path, notices)
     structures = _structures(volume, coding, organ, path, notices)
@@ -111,21 +110,22 @@ def count_pieces(mask: NDArray[np.bool_], pieces: NDArray[np.int32], *, is_by_co
     return int(pieces.max(initial=0))
 
 
-def shifted(T_lps_voxel: NDArray[np.float64], box: tuple[slice, ...]) -> NDArray[np.float64]:
-    """The map of a part's own indices to the patient."""
-    T = np.array(T_lps_voxel)
-    T[:3, 3] = T[:3, :3] @ [each.start for each in box] + T[:3, 3]
-    return T
+def box_of(mask: NDArray[np.bool_]) -> tuple[slice, ...]:
+    """The part of a grid that holds all of a mask, which holds at least one voxel."""
+    ends = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    return tuple(slice(int(end[0]), int(end[-1]) + 1) for end in ends)
+
+
+def filled(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask with its cavities: all that is not connected with the outside."""
+    outside = np.empty(np.array(mask.shape) + 2, dtype=np.int32)
+    count_pieces(~np.pad(mask, 1), outside)
+    return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
 
 
 def _box_of(wanted: NDArray[np.bool_], labels: NDArray[np.uint16]) -> tuple[slice, slice, slice]:
     """The part of a volume that holds all voxels of the wanted labels."""
-    table = np.zeros(65_536, dtype=np.uint8)
-    table[: len(wanted)] = wanted
-    found = find_objects(table[labels].astype(np.int8))
-    assert found
-    assert found[0] is not None
-    i, j, k = found[0]
+    i, j, k = box_of(wanted[labels])
     return i, j, k
 
 
@@ -162,12 +162,13 @@ def _largest_pieces(
     return keeps[pieces]
 
 
-def _touches_end(mask: NDArray[np.bool_], box: tuple[slice, ...], shape: tuple[int, ...]) -> bool:
-    """Whether the mask reaches a face of the volume."""
+def _touches_end(mask: NDArray[np.bool_], box: tuple[slice, ...], volume: Volume) -> bool:
+    """Whether the mask reaches a face of the scan."""
     ends = []
-    for axis in range(3):
-        along = np.moveaxis(mask, axis, 0)
-        ends += [box[axis].start == 0 and along[0].any(), box[axis].stop == shape[axis] and along[-1].any()]
+    for axis, size in enumerate(volume.scan_shape):
+        along, offset = np.moveaxis(mask, axis, 0), volume.box[axis].start
+        ends += [offset + box[axis].start == 0 and along[0].any()]
+        ends += [offset + box[axis].stop == size and along[-1].any()]
     return any(ends)
 
 
@@ -183,6 +184,11 @@ def _tumours(
     """A surface for each connected piece of the tumours' labels, or the targets', in the organ."""
     if not wanted:
         return ()
+    is_wanted = np.isin(labels, wanted)
+    if not is_wanted.any():
+        return ()
+    part = box_of(is_wanted)
+    labels, T, organ = labels[part], shifted(T, part), organ[part]
     pieces, sizes = tumour_pieces(labels, wanted)
     voxel_m3 = abs(float(np.linalg.det(T[:3, :3])))
     inside = np.bincount(pieces[organ].ravel(), minlength=len(sizes))
@@ -226,7 +232,7 @@ def _structures(
             if each in volume.counts:
                 notices.append(f"{name} has next to no volume near the organ and is left out")
             continue
-        piece = find_objects(mask.astype(np.int8))[0]
+        piece = box_of(mask)
         solid = _surface(mask[piece], shifted(T, piece), STRUCTURE_SURFACE, path, name)
         found.append(Structure(name=name, solid=solid, is_keepout=name in coding.keepouts))
     return tuple(found)

@@ -19,11 +19,13 @@ OBLIQUE_RAD = np.deg2rad(0.5)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Volume:
-    """Labels on a grid of voxels.
+    """Labels on a grid of voxels: the part of a scan that holds any.
 
     Attributes:
         labels: Label of each voxel, 0 for none, shape (I, J, K), uint16.
-        T_lps_voxel: Affine map of voxel indices to patient axes [m], shape (4, 4).
+        T_lps_voxel: Affine map of indices of `labels` to patient axes [m], shape (4, 4).
+        box: The part of the scan's voxels that `labels` are.
+        scan_shape: Numbers of voxels of the whole scan.
         counts: Number of voxels of each label that occurs, 0 left out.
         name: The file's name.
         notices: One sentence for each remarkable property.
@@ -32,6 +34,8 @@ class Volume:
 
     labels: NDArray[np.uint16]
     T_lps_voxel: NDArray[np.float64]
+    box: tuple[slice, slice, slice]
+    scan_shape: tuple[int, int, int]
     counts: Mapping[int, int]
     name: str
     notices: tuple[str, ...] = ()
@@ -67,3 +71,10 @@ class Volume:
     def is_oblique(self) -> bool:
         """Whether the grid is turned off the patient's axes."""
         return self.obliquity_rad > OBLIQUE_RAD
+
+
+def shifted(T_lps_voxel: NDArray[np.float64], box: tuple[slice, ...]) -> NDArray[np.float64]:
+    """The map of a part's own indices to the patient, shape (4, 4)."""
+    T = np.array(T_lps_voxel)
+    T[:3, 3] = T[:3, :3] @ [each.start for each in box] + T[:3, 3]
+    return T

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
@@ -23,8 +24,8 @@ from numpy.typing import NDArray
 
 from .bounded_reading import read_payload
 from .errors import VolumeError
-from .label_values import as_labels
-from .volume import Volume
+from .label_values import read_labels
+from .volume import Volume, shifted
 from .volume_grid import Grid, check_affine, check_shape
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr")
@@ -78,14 +79,18 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
     shape = check_shape(path, grid)
     T_lps_voxel = check_affine(path, grid, spacing_m)
     try:
-        values = grid.fetch().reshape(grid.shape, order="F").reshape(shape, order="F")
+        found = read_labels(
+            path, grid.layers, shape, dtype=grid.dtype, slope=grid.slope, intercept=grid.intercept
+        )
+    except VolumeError:
+        raise
     except READER_ERRORS as error:
         raise _unreadable(path, error) from error
-    labels, counts, remarks = as_labels(path, values, slope=grid.slope, intercept=grid.intercept)
-    notices = [*grid.notices, *remarks]
+    notices = [*grid.notices, *found.remarks]
     volume = Volume(
-        labels=labels, T_lps_voxel=T_lps_voxel, counts=counts, name=path.name, label_names=grid.label_names
-    )
+        labels=found.labels, T_lps_voxel=shifted(T_lps_voxel, found.box), box=found.box, scan_shape=shape,
+        counts=found.counts, name=path.name, label_names=grid.label_names,
+    )  # fmt: skip
     if volume.is_oblique:
         degrees = np.rad2deg(volume.obliquity_rad)
         notices.append(f"the scan is oblique by {degrees:.1f} degrees, which its axes take into account")
@@ -110,12 +115,36 @@ def _nifti(path: Path) -> Grid:
         shape=tuple(int(n) for n in image.shape),
         dtype=header.get_data_dtype(),
         T_lps_voxel=T,
-        fetch=lambda: np.asarray(stored.get_unscaled()),
+        layers=lambda n: _nifti_layers(path, stored, n),
+        is_streamed=True,
         slope=1.0 if slope is None else float(slope),
         intercept=0.0 if intercept is None else float(intercept),
         notices=notices,
         is_compressed=path.suffix.lower() == ".gz",
     )
+
+
+def _nifti_layers(path: Path, stored: Any, n: int) -> Iterator[NDArray[Any]]:
+    """Parts of a NIfTI file's voxels, none of which are kept."""
+    i, j, n_layers = (*stored.shape[:2], int(np.prod(stored.shape[2:])))
+    with Opener(str(path)) as file:
+        file.seek(stored.offset)
+        for first in range(0, n_layers, n):
+            shape = (i, j, min(n, n_layers - first))
+            n_bytes = int(np.prod(shape)) * stored.dtype.itemsize
+            content = file.read(n_bytes)
+            if len(content) < n_bytes:
+                raise EOFError(
+                    f"it ends {n_bytes - len(content):,} bytes before layer {first + shape[2]} does"
+                )
+            yield np.frombuffer(content, stored.dtype).reshape(shape, order="F")
+
+
+def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:
+    """Parts of voxels that are in memory."""
+    whole = values.reshape(tuple(size for axis, size in enumerate(shape) if axis < 3 or size != 1), order="F")
+    for first in range(0, whole.shape[2], n):
+        yield whole[:, :, first : first + n]
 
 
 def _is_nifti1(path: Path) -> bool:
@@ -147,7 +176,7 @@ def _nrrd(path: Path) -> Grid:
         shape=shape,
         dtype=dtype,
         T_lps_voxel=T,
-        fetch=lambda: np.frombuffer(read_payload(path, header, start, n_bytes), dtype),
+        layers=lambda n: _parts(np.frombuffer(read_payload(path, header, start, n_bytes), dtype), shape, n),
         notices=notices,
         label_names=_segment_names(header),
         is_compressed=str(header["encoding"]).lower() not in ("raw",),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,12 @@ from .errors import VolumeError
 
 MEMORY_SHARE = 0.4
 """Share of the machine's memory that the voxels of a volume may take."""
+
+BYTES_PER_VOXEL = 4
+"""Labels are kept once in parts and once together, where all of a volume is labelled."""
+
+CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
+"""Where Linux says how much memory a container may take."""
 
 MOST_DEFLATED = 1040
 """No gzip stream unfolds to more bytes per byte than this; a file that claims more is cut short."""
@@ -28,12 +34,15 @@ FLAT_DETERMINANT = 1e-3
 
 @dataclass(kw_only=True)
 class Grid:
-    """What a header says, and how to fetch the voxels."""
+    """What a header says, and how to read the voxels."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
     T_lps_voxel: NDArray[np.float64]
-    fetch: Callable[[], NDArray[Any]]
+    layers: Callable[[int], Iterator[NDArray[Any]]]
+    """Reads the voxels from the first to the last, in parts of so many layers across the last axis, shape (I, J, n)."""
+    is_streamed: bool = False
+    """Whether no part that was read is kept."""
     slope: float = 1.0
     intercept: float = 0.0
     notices: list[str] = field(default_factory=list)
@@ -60,10 +69,11 @@ def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
             f"{path}: its voxels are of type {grid.dtype}; save whole numbers, one label per voxel"
         )
     n_voxels = shape[0] * shape[1] * shape[2]
-    n_bytes, memory = n_voxels * (grid.dtype.itemsize + 2), MEMORY_SHARE * _memory_bytes()
+    per_voxel = BYTES_PER_VOXEL + (0 if grid.is_streamed else grid.dtype.itemsize)
+    n_bytes, memory = n_voxels * per_voxel, MEMORY_SHARE * _memory_bytes()
     if n_bytes > memory:
         raise VolumeError(
-            f"{path}: {' x '.join(map(str, shape))} voxels take {n_bytes / 2**30:.3g} GiB, more than the "
+            f"{path}: {' x '.join(map(str, shape))} voxels may take {n_bytes / 2**30:.3g} GiB, more than the "
             f"{memory / 2**30:.2g} GiB that this machine can spare; crop it to the organ or resample it"
         )
     size = path.stat().st_size * (MOST_DEFLATED if grid.is_compressed else 1)
@@ -76,10 +86,16 @@ def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
 
 
 def _memory_bytes() -> int:
+    """The machine's memory, or what the container may take of it."""
     try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        n_bytes = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (ValueError, OSError, AttributeError):
-        return 8 * 2**30
+        n_bytes = 8 * 2**30
+    try:
+        limit = CONTAINER_LIMIT.read_text(encoding="ascii").strip()
+        return min(n_bytes, int(limit)) if limit.isdecimal() else n_bytes
+    except OSError:
+        return n_bytes
 
 
 def check_affine(path: Path, grid: Grid, spacing_m: tuple[float, float, float] | None) -> NDArray[np.float64]:

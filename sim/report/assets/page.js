@@ -3,7 +3,7 @@
 (async () => {
   const began = performance.now();
   const read = id => { const element = document.getElementById(id); return element ? JSON.parse(element.textContent) : null; };
-  const data = read("data"), readings = read("readings"), images = read("images");
+  const data = read("data"), readings = read("readings");
   const slider = document.getElementById("slider"), number = document.getElementById("number"), told = document.getElementById("told");
   const play = document.getElementById("play"), picture = document.getElementById("frame"), last = Number(slider.max);
 
@@ -23,6 +23,17 @@
     return { points, texts, output, cursor: svg.querySelector(".cursor"), now: svg.querySelector(".now") };
   });
 
+  // Each frame is text until it is shown.
+  const lastPicture = picture && { step: Number(picture.dataset.step), src: picture.src };
+  const showFrame = wanted => {
+    if (Number(picture.dataset.step) === wanted) return;
+    const held = document.getElementById(`frame-${wanted}`);
+    const src = wanted === lastPicture.step ? lastPicture.src : held && held.textContent;
+    if (!src) return; // the page is still being read
+    picture.src = src;
+    picture.dataset.step = wanted;
+  };
+
   let view = null, step = last, timer = null;
   const setStep = wanted => {
     step = Math.min(Math.max(wanted, 0), last);
@@ -40,10 +51,7 @@
       }
       if (output) output.textContent = step ? texts[step - 1] : "–";
     }
-    if (images && picture) {
-      const kept = data.frames.filter(at => at <= step).pop() ?? data.frames[0];
-      if (picture.src !== images[kept]) picture.src = images[kept];
-    }
+    if (picture) showFrame(data.frames.filter(at => at <= step).pop() ?? data.frames[0]);
     if (view) view.setStep(step);
   };
 
@@ -68,7 +76,8 @@
 
   const unpack = async () => {
     const text = document.getElementById("packed").textContent;
-    const bytes = Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+    const letters = atob(text), bytes = new Uint8Array(letters.length);
+    for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
     const buffer = await new Response(stream).arrayBuffer();
     const kinds = { uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
@@ -77,13 +86,14 @@
 
   const addLegend = () => {
     const legend = document.getElementById("legend");
-    for (const [name, text, group, colour] of view.layers) {
+    for (const [name, text, group, colour, names] of view.layers) {
       const label = document.createElement("label"), box = document.createElement("input"), swatch = document.createElement("i");
       box.type = "checkbox"; box.checked = group.visible; box.name = name;
       box.addEventListener("change", () => { group.visible = box.checked; view.request(); });
       label.append(box);
-      if (colour) { swatch.style.background = colour === "organ" ? "#a58a83" : `var(--${colour})`; label.append(swatch); }
+      if (colour) { swatch.className = colour; label.append(swatch); }
       label.append(text);
+      if (names) label.title = names;
       legend.append(label);
     }
     if (!data.view.map) return;

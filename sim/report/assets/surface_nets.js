@@ -49,26 +49,39 @@ const mapHistory = (map, array) => {
   const cells = new Int32Array(map.n_inside);
   const isInside = new Uint8Array(n);
   for (let i = 0, found = 0; i < n; i++) if (inside[i >> 3] >> (i & 7) & 1) { isInside[i] = 1; cells[found++] = i; }
-  const maps = [];
-  for (const place of map.maps) {
-    const change = array(place), before = maps[maps.length - 1];
-    const values = new Int8Array(change.length);
-    for (let i = 0; i < values.length; i++) values[i] = change[i] + (before ? before[i] : 0);
-    maps.push(values);
-  }
+  // Each map is kept as its difference from the one after, so that the last one, which is shown first, is there at once.
+  const maps = new Map();
+  const mapAt = index => {
+    let from = index;
+    while (from < map.maps.length && !maps.has(from)) from++;
+    for (let i = from - 1; i >= index; i--) {
+      const values = Int8Array.from(array(map.maps[i])), after = maps.get(i + 1);
+      if (after) for (let k = 0; k < values.length; k++) values[k] += after[k];
+      maps.set(i, values);
+    }
+    return maps.get(index);
+  };
   // Points outside but beside the organ take the value of a neighbour inside, so that the map reaches the organ's edge.
-  const borrowers = [], lenders = [], known = Uint8Array.from(isInside), lender = new Int32Array(n).map((_, i) => i);
+  const borrowers = [], lenders = [], known = Uint8Array.from(isInside), lender = new Int32Array(n);
+  for (const cell of cells) lender[cell] = cell;
   const steps = [Y * Z, -Y * Z, Z, -Z, 1, -1];
+  let edge = cells;
   for (let layer = 0; layer < 2; layer++) {
     const fresh = [];
-    for (let i = 0; i < n; i++) {
-      if (known[i]) continue;
+    for (const i of edge) {
       const z = i % Z, y = (i / Z | 0) % Y, x = i / (Y * Z) | 0;
       const inRange = [x + 1 < X, x > 0, y + 1 < Y, y > 0, z + 1 < Z, z > 0];
-      const from = steps.findIndex((step, s) => inRange[s] && known[i + step] === 1);
-      if (from >= 0) fresh.push([i, lender[i + steps[from]]]);
+      for (let s = 0; s < 6; s++) {
+        const to = i + steps[s];
+        if (!inRange[s] || known[to]) continue;
+        known[to] = 1;
+        lender[to] = lender[i];
+        fresh.push(to);
+        borrowers.push(to);
+        lenders.push(lender[i]);
+      }
     }
-    for (const [i, source] of fresh) { known[i] = 1; lender[i] = source; borrowers.push(i); lenders.push(source); }
+    edge = fresh;
   }
   const factor = Math.max(1, Math.min(4, Math.ceil(Math.max(...map.cell) / 0.0034)));
   const mask = refined(Float32Array.from(isInside), map.shape, factor, false);
@@ -76,7 +89,7 @@ const mapHistory = (map, array) => {
 
   return (index, level) => {
     const coarse = new Float32Array(n).fill(-6);
-    const values = maps[index];
+    const values = mapAt(index);
     for (let i = 0; i < cells.length; i++) coarse[cells[i]] = values[i] * map.log_odds_step;
     for (let i = 0; i < borrowers.length; i++) coarse[borrowers[i]] = coarse[lenders[i]];
     const fine = refined(coarse, map.shape, factor, true);

@@ -15,51 +15,63 @@ const makeView = (data, array, onPick) => {
   controls.maxDistance = 6;
   scene.add(camera);
 
-  // Three small shaders draw everything: they compile at once, also where no graphics card does it.
+  // Two small programs draw everything, so that there is little to compile where no graphics card does it.
   const tinted = []; // [material, name of the colour's variable], so that the theme can change
-  const coloured = (material, name) => (tinted.push([material, name]), material);
-  const surfaceVertex = "varying vec3 n; varying vec3 e; void main() { vec4 p = modelViewMatrix * vec4(position, 1.0); n = normalMatrix * normal; e = -p.xyz; gl_Position = projectionMatrix * p; }";
-  const shader = (uniforms, vertexShader, fragmentShader, settings) => new THREE.ShaderMaterial({
-    uniforms: { colour: { value: new THREE.Color() }, ...uniforms }, vertexShader, fragmentShader, ...settings,
-  });
-  const veil = (name, base, rim, side) => coloured(shader(
-    { base: { value: base }, rim: { value: rim } }, surfaceVertex,
-    "uniform vec3 colour; uniform float base; uniform float rim; varying vec3 n; varying vec3 e; void main() { float facing = abs(dot(normalize(n), normalize(e))); gl_FragColor = vec4(colour, base + rim * pow(1.0 - facing, 2.2)); }",
-    { transparent: true, depthWrite: false, side: side ?? THREE.FrontSide },
-  ), name);
-  const lit = colour => {
-    const material = shader({}, surfaceVertex,
-      "uniform vec3 colour; varying vec3 n; varying vec3 e; void main() { vec3 m = normalize(n); float key = max(dot(m, normalize(vec3(-0.35, 0.75, 0.6))), 0.0); float fill = 0.5 + 0.5 * m.y; float glint = pow(max(dot(m, normalize(normalize(e) + vec3(-0.2, 0.6, 0.4))), 0.0), 40.0); gl_FragColor = vec4(colour * (0.46 + 0.2 * fill + 0.46 * key) + 0.10 * glint, 1.0); }", {});
-    if (typeof colour === "string") coloured(material, colour); else material.uniforms.colour.value.setRGB(...colour);
+  const program = (uniforms, vertexShader, fragmentShader, settings) => {
+    const head = "precision highp float; ";
+    return new THREE.RawShaderMaterial({
+      uniforms: { colour: { value: new THREE.Color() }, ...uniforms }, glslVersion: "300 es",
+      vertexShader: head + vertexShader, fragmentShader: head + fragmentShader, ...settings,
+    });
+  };
+  const coloured = (material, colour) => {
+    if (typeof colour === "string") tinted.push([material, colour]); else material.uniforms.colour.value.setRGB(...colour);
     return material;
   };
-  const stroke = (name, opacity) => coloured(shader(
-    { opacity: { value: opacity } }, "void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
-    "uniform vec3 colour; uniform float opacity; void main() { gl_FragColor = vec4(colour, opacity); }",
-    { transparent: opacity < 1 },
+  const surfaceVertex = `uniform mat4 modelViewMatrix, projectionMatrix; uniform mat3 normalMatrix; in vec3 position, normal; out vec3 n, e; out float w;
+    void main() { vec4 p = modelViewMatrix * vec4(position, 1.0); n = normalMatrix * normal; e = -p.xyz; w = dot(position, vec3(72.0)); gl_Position = projectionMatrix * p; }`;
+  const surfaceFragment = `uniform vec3 colour; uniform float base, rim, stripes; in vec3 n, e; in float w; out vec4 seen;
+    void main() {
+      vec3 m = normalize(gl_FrontFacing ? n : -n), eye = normalize(e);
+      if (rim > 0.0) { seen = vec4(colour, base + rim * pow(1.0 - abs(dot(m, eye)), 2.2)); return; }
+      float key = max(dot(m, normalize(vec3(-0.35, 0.75, 0.6))), 0.0), fill = 0.5 + 0.5 * m.y;
+      float glint = pow(max(dot(m, normalize(eye + vec3(-0.2, 0.6, 0.4))), 0.0), 40.0);
+      float shade = abs(fract(w) - 0.5) < stripes ? 0.22 : 1.0;
+      seen = vec4(colour * shade * (0.46 + 0.2 * fill + 0.46 * key) + 0.10 * glint, 1.0);
+    }`;
+  const surface = (colour, base, rim, stripes, settings) => coloured(program(
+    { base: { value: base }, rim: { value: rim }, stripes: { value: stripes } }, surfaceVertex, surfaceFragment, settings,
+  ), colour);
+  const veil = (name, base, rim, side) => surface(name, base, rim, 0, { transparent: true, depthWrite: false, side: side ?? THREE.FrontSide });
+  // Stripes of 4 mm tell a surface apart without its colour.
+  const lit = (colour, { hasStripes = false, side = THREE.FrontSide } = {}) => surface(colour, 1, 0, hasStripes ? 0.25 : 0, { side });
+  const stroke = (name, opacity) => coloured(program(
+    { opacity: { value: opacity } },
+    "uniform mat4 modelViewMatrix, projectionMatrix; in vec3 position; void main() { gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
+    "uniform vec3 colour; uniform float opacity; out vec4 seen; void main() { seen = vec4(colour, opacity); }",
+    { transparent: true, depthWrite: false },
   ), name);
 
-  const geometryOf = mesh => {
-    const fine = array(mesh.vertices), vertices = new Float32Array(fine.length);
-    for (let i = 0; i < fine.length; i++) vertices[i] = mesh.low[i % 3] + fine[i] * mesh.scale[i % 3];
-    return surfaceGeometry(vertices, array(mesh.faces));
-  };
-  const surfaceGeometry = (vertices, faces) => {
+  const attribute = values => new THREE.BufferAttribute(values, 3);
+  const low = new THREE.Vector3(...data.bounds[0]), high = new THREE.Vector3(...data.bounds[1]);
+  const surfaceGeometry = (vertices, faces, normals) => {
     const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(vertices, 3));
+    geometry.setAttribute("position", attribute(vertices));
     geometry.setIndex(new THREE.BufferAttribute(faces, 1));
-    geometry.computeVertexNormals();
+    if (normals) geometry.setAttribute("normal", attribute(normals)); else geometry.computeVertexNormals();
     return geometry;
   };
-  // The same surface with its edges kept sharp: a corner takes its face's normal where the smooth one is far from it.
-  const creased = smooth => {
-    const geometry = smooth.toNonIndexed(), at = geometry.attributes.position.array, normals = geometry.attributes.normal.array;
-    const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3(), n = new THREE.Vector3();
-    for (let i = 0; i < at.length; i += 9) {
-      a.fromArray(at, i); b.fromArray(at, i + 3); c.fromArray(at, i + 6);
-      const face = b.sub(a).cross(c.sub(a)).normalize();
-      for (let k = i; k < i + 9; k += 3) if (n.fromArray(normals, k).dot(face) < 0.8) face.toArray(normals, k);
+  const geometryOf = mesh => {
+    const fine = array(mesh.vertices), directions = array(mesh.normals), { low: [x, y, z], scale: [sx, sy, sz] } = mesh;
+    const vertices = new Float32Array(fine.length);
+    for (let i = 0; i < fine.length; i += 3) {
+      vertices[i] = x + fine[i] * sx;
+      vertices[i + 1] = y + fine[i + 1] * sy;
+      vertices[i + 2] = z + fine[i + 2] * sz;
     }
+    const geometry = surfaceGeometry(vertices, array(mesh.faces), Float32Array.from(directions));
+    const reach = new THREE.Vector3(sx, sy, sz).multiplyScalar(65535 / 2);
+    geometry.boundingSphere = new THREE.Sphere(reach.clone().add(new THREE.Vector3(x, y, z)), reach.length());
     return geometry;
   };
   const layer = () => { const group = new THREE.Group(); scene.add(group); return group; };
@@ -71,7 +83,7 @@ const makeView = (data, array, onPick) => {
 
   // Organ, true tumours, and the true bodies of a second class.
   const organ = layer(), truth = layer(), second = layer();
-  const organBack = new THREE.Mesh(creased(geometryOf(data.organ)), veil("organ", 0.05, 0.16, THREE.BackSide));
+  const organBack = new THREE.Mesh(geometryOf(data.organ), veil("organ", 0.05, 0.16, THREE.BackSide));
   const organFront = new THREE.Mesh(organBack.geometry, veil("organ", 0.07, 0.42));
   organBack.renderOrder = 1;
   organFront.renderOrder = 4;
@@ -81,6 +93,16 @@ const makeView = (data, array, onPick) => {
   const secondMaterial = veil("second", 0.16, 0.9);
   for (const mesh of data.target ? data.target.bodies : []) second.add(new THREE.Mesh(geometryOf(mesh), secondMaterial));
   for (const mesh of [...truth.children, ...second.children]) mesh.renderOrder = 3;
+
+  // Vessels and the like, which may be open; those that must not be pressed are striped.
+  const structures = layer(), keepouts = layer();
+  const structureMaterial = lit("structure", { side: THREE.DoubleSide });
+  const keepoutMaterial = lit("keepout", { side: THREE.DoubleSide, hasStripes: true });
+  for (const mesh of data.structures) {
+    const [group, material] = mesh.is_keepout ? [keepouts, keepoutMaterial] : [structures, structureMaterial];
+    group.add(new THREE.Mesh(geometryOf(mesh), material));
+  }
+  const namesOf = isKeepout => data.structures.filter(mesh => mesh.is_keepout === isKeepout).map(mesh => mesh.name).join(", ");
 
   // A map's surface after an action.
   let level = data.map ? Math.log(data.map.called_from / (1 - data.map.called_from)) : 0;
@@ -93,9 +115,10 @@ const makeView = (data, array, onPick) => {
       if (index < 0) return null;
       const key = `${index}/${level}`;
       if (!surfaces.has(key)) {
-        const surface = cut(index, level);
+        const { positions, triangles } = cut(index, level), geometry = surfaceGeometry(positions, triangles);
+        geometry.boundingSphere = organBack.geometry.boundingSphere; // the map ends where the organ does
         if (surfaces.size > 400) surfaces.clear();
-        surfaces.set(key, { triangles: surface.triangles.length / 3, geometry: surfaceGeometry(surface.positions, surface.triangles) });
+        surfaces.set(key, { triangles: triangles.length / 3, geometry });
       }
       return surfaces.get(key);
     };
@@ -116,16 +139,17 @@ const makeView = (data, array, onPick) => {
   const beamAt = k => new THREE.Vector3(probe[16 * k + 2], probe[16 * k + 6], probe[16 * k + 10]);
   const past = layer();
   const ball = new THREE.SphereGeometry(0.0026, 12, 8), ballPoints = ball.attributes.position.array, ballFaces = ball.index.array;
-  const dotPoints = new Float32Array(nSteps * ballPoints.length), dotFaces = new Uint32Array(nSteps * ballFaces.length);
+  const dotPoints = new Float32Array(nSteps * ballPoints.length), dotNormals = new Float32Array(dotPoints.length), dotFaces = new Uint32Array(nSteps * ballFaces.length);
   const stems = [];
   for (let k = 0; k < nSteps; k++) {
     const at = placeAt(k), end = at.clone().addScaledVector(beamAt(k), -PAST_STEM_M);
     const xyz = at.toArray();
+    dotNormals.set(ball.attributes.normal.array, k * ballPoints.length);
     for (let i = 0; i < ballPoints.length; i++) dotPoints[k * ballPoints.length + i] = ballPoints[i] + xyz[i % 3];
     for (let i = 0; i < ballFaces.length; i++) dotFaces[k * ballFaces.length + i] = ballFaces[i] + k * ballPoints.length / 3;
     stems.push(...at, ...end);
   }
-  const dots = new THREE.Mesh(surfaceGeometry(dotPoints, dotFaces), lit("probe"));
+  const dots = new THREE.Mesh(surfaceGeometry(dotPoints, dotFaces, dotNormals), lit("probe"));
   dots.frustumCulled = false;
   const stemLines = lines(stems, "probe", 0.8);
   stemLines.frustumCulled = false;
@@ -146,7 +170,7 @@ const makeView = (data, array, onPick) => {
   if (data.arm) {
     for (let b = 0; b < data.arm.n_bodies; b++) { const body = new THREE.Group(); bodies.push(body); arm.add(body); }
     for (const part of data.arm.parts) {
-      bodies[part.body].add(new THREE.Mesh(creased(geometryOf(part)), lit(part.colour.map(part => part ** 0.7))));
+      bodies[part.body].add(new THREE.Mesh(geometryOf(part), lit(part.colour.map(part => part ** 0.7))));
     }
   }
   const armPoses = data.arm && array(data.arm.poses);
@@ -182,7 +206,6 @@ const makeView = (data, array, onPick) => {
     labels.push({ element, at, group, of: of ?? at, ends });
     return labels[labels.length - 1];
   };
-  const low = new THREE.Vector3(...data.bounds[0]), high = new THREE.Vector3(...data.bounds[1]);
   const middle = low.clone().add(high).multiplyScalar(0.5), size = high.clone().sub(low);
   const unit = [new THREE.Vector3(1, 0, 0), new THREE.Vector3(0, 1, 0), new THREE.Vector3(0, 0, 1)];
   const triads = [];
@@ -257,8 +280,8 @@ const makeView = (data, array, onPick) => {
     side: () => show([...corners, head], new THREE.Vector3(0, -1, 0), 0.85),
   };
 
-  let wanted = false;
-  const request = () => { if (!wanted) { wanted = true; requestAnimationFrame(draw); } };
+  let wanted = false, isReady = false; // the first drawing is asked for when all is in its place
+  const request = () => { if (isReady && !wanted) { wanted = true; requestAnimationFrame(draw); } };
   const resize = () => {
     const { clientWidth: width, clientHeight: height } = holder;
     renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
@@ -350,15 +373,17 @@ const makeView = (data, array, onPick) => {
   const layers = [
     ["organ", "Organ", organ, "organ"], ["truth", "True tumours", truth, "truth"], ["map", "Map", mapped.group, "map"],
     ["target-truth", `True ${data.target && data.target.name}`, second, "second"], ["target-map", `Map of ${data.target && data.target.name}`, secondMapped.group, "second-map"],
+    ["structures", "Vessels and the like", structures, "structure", namesOf(false)],
+    ["keepouts", "Must not be pressed", keepouts, "keepout", namesOf(true)],
     ["poses", "Sensing poses", past, "probe"], ["cone", "Cone", sweep, "probe"], ["arm", data.base ? "Arm" : "Probe", arm, null],
     ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
     ["frames", "Axes", frames, null], ["table", "Table", table, null],
-  ].filter(([name]) => !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
+  ].filter(([name, , group]) => !(["structures", "keepouts"].includes(name) && !group.children.length) && !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
     && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length)
     && !(name === "target-truth" && !data.target) && !(name === "target-map" && !(data.target && data.target.map)));
   way.visible = false;
   return {
-    setStep, presets, layers, request, state, renderNow: draw,
+    setStep, presets, layers, request, state, renderNow: () => { isReady = true; draw(); },
     setLevel: probability => { level = Math.log(probability / (1 - probability)); drawMap(); },
   };
 };

@@ -43,12 +43,14 @@ class SheetOptions:
 def main() -> None:
     """Make the livers, print their statistics, and draw the first ones."""
     options = tyro.cli(SheetOptions, description=__doc__)
-    rows, drawn = [], []
+    rows, drawn, n_poses = [], [], []
     for seed in tqdm(range(options.first, options.first + options.count), unit="liver"):
         scenario = EpisodeOptions(scenario="generated-liver", seed=seed).make_scenario()
         stage = build_stage(scenario, None, MapSettings())
         anatomy = make_truth(stage, np.random.default_rng(seed).spawn(3)[0]).anatomy
         organ, volumes_ml = anatomy.organ, anatomy.tumour_volumes_m3 * 1e6
+        n_poses.append(stage.workspace.n_poses)
+        assert organ.to_trimesh().is_watertight
         hull_m3 = float(ConvexHull(organ.vertices_m).volume)
         sphericity = np.cbrt(np.pi) * (6.0 * organ.volume_m3) ** (2 / 3) / organ.area_m2
         shape = (organ.volume_m3 / hull_m3, sphericity)
@@ -58,6 +60,7 @@ def main() -> None:
             T = np.linalg.inv(stage.T_world_organ)
             tumours = tuple(each.transformed(T) for each in anatomy.tumours)
             drawn.append(LoadedAnatomy(organ=organ.transformed(T), tumours=tumours))
+    print(f"{len(rows)} livers, each closed and with poses on it: {min(n_poses)} at least")
     names = (
         "volume [ml]",
         "left-right [mm]",
@@ -68,6 +71,9 @@ def main() -> None:
     )
     for name, values in zip(names, np.array(rows).T, strict=False):
         print(f"{name}: {values.mean():.4g} +- {values.std():.2g}, {values.min():.4g} to {values.max():.4g}")
+    proportions = np.array([np.array(row[1:4]) / np.cbrt(row[0]) for row in rows])
+    variation = proportions.std(axis=0) / proportions.mean(axis=0)
+    print("extents over the cube root of the volume vary by", *(f"{each:.1%}" for each in variation))
     for name, values in zip(("tumours", "tumour volume [ml]"), np.array(rows).T[6:], strict=True):
         print(
             f"{name}: quartiles {' / '.join(f'{each:.3g}' for each in np.percentile(values, [25, 50, 75]))}"

@@ -79,7 +79,7 @@ def _slice(options: Options, k: int) -> NDArray[np.uint8]:
 
 def write_mesh(path: Path, n_triangles: int) -> None:
     """Write a finely divided body with lobes and folds, in millimetres."""
-    n = int(np.ceil(np.sqrt(n_triangles / 2.0)))
+    n = int(np.ceil(np.sqrt(n_triangles / 4.0))) + 1
     mesh = trimesh.creation.uv_sphere(radius=1.0, count=[n, n])
     unit = np.asarray(mesh.vertices)
     folds = (

@@ -55,5 +55,5 @@ def decimate(
 
 
 def _volume_m3(vertices_m: NDArray[np.float64], faces: NDArray[np.int64]) -> float:
-    corners = vertices_m[faces] - vertices_m.mean(axis=0)
+    corners = (vertices_m - vertices_m.mean(axis=0))[faces]
     return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)

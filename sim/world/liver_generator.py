@@ -2,17 +2,19 @@
 
     python -m sim.world.liver_generator --seed 3 --out liver.stl
 
-The volume follows what was published for the LiTS training set: 1,586 +- 447 ml. Needs the optional packages
-of `pip install 'sounding[generate]'`.
+The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ about as much as its
+do. Needs the optional packages of `pip install 'sounding[generate]'`.
 """
 
 import argparse
 import importlib
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label
 
 from .errors import GeneratorError
@@ -26,11 +28,17 @@ VOLUME_MEAN_M3 = 1.586e-3
 VOLUME_SPREAD_M3 = 0.447e-3
 """Its standard deviation [m^3]."""
 
-VOLUME_RANGE_M3 = (0.8e-3, 2.8e-3)
-"""Volumes that are drawn [m^3]: those of adult livers that are not grossly enlarged."""
+VOLUME_RANGE_M3 = (0.75e-3, 3.2e-3)
+"""Volumes that are drawn [m^3]: those of adult livers that are not grossly enlarged, 99 % of the published spread."""
 
 BOX_MM = np.array([[-145.0, 165.0], [-125.0, 130.0], [-160.0, 135.0]])
-"""The lattice's extent in x, y and z [mm]: the largest shape with its warp, and a margin."""
+"""The lattice's extent in x, y and z [mm]: shapes near the template with their warp, and a margin."""
+
+NEAR_TEMPLATE = 2.5
+"""Shapes that deviate further in anything take a wider lattice."""
+
+WIDER_MM = 20.0
+"""By so much at each of its ends [mm]."""
 
 SPACING_MM = 2.2
 """Lattice spacing [mm]: fine enough for the fissures."""
@@ -78,12 +86,13 @@ def make_liver(
     if n_triangles < 1000:
         raise ValueError(f"n_triangles={n_triangles} must be at least 1000")
     if volume_m3 is None:
-        volume_m3 = float(np.clip(rng.normal(VOLUME_MEAN_M3, VOLUME_SPREAD_M3), *VOLUME_RANGE_M3))
+        volume_m3 = draw_volume_m3(rng)
     if not VOLUME_RANGE_M3[0] <= volume_m3 <= VOLUME_RANGE_M3[1]:
         raise ValueError(f"volume_m3={volume_m3} must be within {VOLUME_RANGE_M3[0]}..{VOLUME_RANGE_M3[1]}")
     for _ in range(MAX_ATTEMPTS):
-        field = _sample_field(shape or LiverShape.draw(rng), rng)
-        mesh = _simplify(_surface(field, measure), n_triangles, fast_simplification)
+        drawn = shape or LiverShape.draw(rng)
+        field = _sample_field(drawn, rng)
+        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0], measure), n_triangles, fast_simplification)
         if mesh is not None:
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
             mesh.apply_scale(np.cbrt(volume_m3 / mesh.volume))
@@ -91,9 +100,23 @@ def make_liver(
     raise GeneratorError(f"no sound liver in {MAX_ATTEMPTS} attempts; use another seed or a milder shape")
 
 
+def box_mm(shape: LiverShape) -> NDArray[np.float64]:
+    """Extent of the lattice that holds a shape [mm], shape (3, 2)."""
+    deviations = np.array([getattr(shape, each.name) for each in fields(shape)])
+    is_near = np.abs(deviations).max() <= NEAR_TEMPLATE
+    return BOX_MM if is_near else BOX_MM + np.array([-WIDER_MM, WIDER_MM])
+
+
+def draw_volume_m3(rng: np.random.Generator) -> float:
+    """A volume [m^3] of the published mean and spread: lognormal, as large livers are farther out than small ones."""
+    variance = np.log1p((VOLUME_SPREAD_M3 / VOLUME_MEAN_M3) ** 2)
+    drawn_m3 = VOLUME_MEAN_M3 * np.exp(np.sqrt(variance) * rng.standard_normal() - 0.5 * variance)
+    return float(np.clip(drawn_m3, *VOLUME_RANGE_M3))
+
+
 def _sample_field(shape: LiverShape, rng: np.random.Generator) -> Field:
     """The blurred field on the lattice, with everything but the largest piece filled in as outside."""
-    axes = [np.arange(low, high, SPACING_MM, dtype=np.float32) for low, high in BOX_MM]
+    axes = [np.arange(low, high, SPACING_MM, dtype=np.float32) for low, high in box_mm(shape)]
     x, y, z = np.meshgrid(*axes, indexing="ij", sparse=True)
     field = gaussian_filter(liver_field(shape, (x, y, z), rng), SMOOTHING)
     pieces = np.zeros(field.shape, dtype=np.int32)
@@ -104,10 +127,10 @@ def _sample_field(shape: LiverShape, rng: np.random.Generator) -> Field:
     return field
 
 
-def _surface(field: Field, measure: ModuleType) -> trimesh.Trimesh:
-    """The zero level of the field [mm], outward."""
+def _surface(field: Field, low_mm: NDArray[np.float64], measure: ModuleType) -> trimesh.Trimesh:
+    """The zero level of the field [mm], outward; its lattice begins at `low_mm`."""
     vertices, faces, _, _ = measure.marching_cubes(field, 0.0, spacing=(SPACING_MM,) * 3)
-    mesh = trimesh.Trimesh(vertices + BOX_MM[:, 0], faces, process=True)
+    mesh = trimesh.Trimesh(vertices + low_mm, faces, process=True)
     if mesh.volume < 0.0:
         mesh.invert()
     return mesh

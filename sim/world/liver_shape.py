@@ -35,13 +35,19 @@ from .implicit import (
     waves,
 )
 
+SPREAD = 1.6
+"""Standard deviation of what is drawn, in the deviations' own unit: with it livers differ as much as those of LiTS."""
+
+MOST_DEVIATION = 3.2
+"""Deviations are held within this: beyond it parts thin out or leave the body."""
+
 LEAST_WALL_MM = 12.0
 """Tissue left above a fissure behind the front margin [mm], so that none pierces the liver."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LiverShape:
-    """What differs from one liver to the next: deviations from the template, in standard deviations.
+    """What differs from one liver to the next: its deviations from the template, drawn `SPREAD` wide.
 
     Zero everywhere is the template itself. `draw` makes a patient.
     """
@@ -83,9 +89,10 @@ class LiverShape:
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Self:
-        """A patient's shape: every deviation standard normal, held within two and a half."""
+        """A patient's shape: every deviation normal, held within bounds."""
         names = [each.name for each in fields(cls)]
-        return cls(**dict(zip(names, np.clip(rng.normal(size=len(names)), -2.5, 2.5).tolist(), strict=True)))
+        drawn = np.clip(SPREAD * rng.normal(size=len(names)), -MOST_DEVIATION, MOST_DEVIATION)
+        return cls(**dict(zip(names, drawn.tolist(), strict=True)))
 
 
 def liver_field(shape: LiverShape, at: Coordinates, rng: np.random.Generator) -> Field:
@@ -115,7 +122,7 @@ def _vault(shape: LiverShape, at: Coordinates) -> Field:
     right = ellipsoid(
         at,
         (-36.0, 8.0, 0.0),
-        (64.0 + 5.0 * shape.right_width, 88.0 + 6.0 * shape.right_thickness, 84.0 + 6.0 * shape.dome_height),
+        (64.0 + 5.0 * shape.right_width, 88.0 + 9.0 * shape.right_thickness, 84.0 + 7.0 * shape.dome_height),
     )
     tip = ellipsoid(
         at,

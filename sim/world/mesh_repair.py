@@ -193,7 +193,7 @@ def _turn_outward(vertices_m: Vertices, faces: Faces) -> tuple[Faces, int]:
     A body of negative volume is a cavity, and stays, if another body contains it.
     """
     body = bodies(faces)
-    corners = vertices_m[faces] - vertices_m[faces].mean(axis=(0, 1))
+    corners = (vertices_m - vertices_m.mean(axis=0))[faces]
     volume = np.bincount(body, np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
     n_inverted = int((volume < 0).sum())
     if n_inverted == len(volume):

@@ -1,10 +1,10 @@
 """Generated livers against what is published of LiTS, and a sheet of them to look at.
 
-    python -m benchmarks.generated_livers --count 16
+    python -m benchmarks.generated_livers --count 200
 
-Prints volumes, extents, shape and tumour loads as planted, and draws docs/figures/generated_livers.png. LiTS: 1,586
-+- 447 ml (Bilic et al. 2023); volume over that of the convex hull 0.775 +- 0.05 and sphericity 0.73, as measured on 92
-of its outlines.
+Prints volumes, extents and shapes, and for the first seeds tumour loads as planted, and draws
+docs/figures/generated_livers.png. LiTS: 1,586 +- 447 ml (Bilic et al. 2023); volume over that of the convex hull
+0.775 +- 0.05 and sphericity 0.73, as measured on 92 of its outlines.
 """
 
 from __future__ import annotations
@@ -22,66 +22,89 @@ from mapping import MapSettings
 from sim.figures import save
 from sim.inspection_figure import draw_view
 from sim.options import EpisodeOptions
-from sim.stage import build_stage
+from sim.scenarios import Scenario
+from sim.stage import build_stage, make_workspace, placed_organ
 from sim.truth import make_truth
 from sim.world.anatomy_files import LoadedAnatomy
+from sim.world.mesh_topology import is_closed
+from sim.world.solid import Solid
 
 PAGE_FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "generated_livers.png"
 N_DRAWN = 6
+EXTENTS = ("left-right", "front-back", "foot-head")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SheetOptions:
     """Make livers and compare them with LiTS."""
 
-    count: int = 16
+    count: int = 200
     first: int = 0
     """First seed."""
+    loads: int = 16
+    """Of so many of them tumours are planted too, which takes longer."""
     out: Path = PAGE_FIGURE
 
 
 def main() -> None:
     """Make the livers, print their statistics, and draw the first ones."""
     options = tyro.cli(SheetOptions, description=__doc__)
-    rows, drawn, n_poses = [], [], []
+    organs, n_poses = [], []
     for seed in tqdm(range(options.first, options.first + options.count), unit="liver"):
-        scenario = EpisodeOptions(scenario="generated-liver", seed=seed).make_scenario()
-        stage = build_stage(scenario, None, MapSettings())
-        anatomy = make_truth(stage, np.random.default_rng(seed).spawn(3)[0]).anatomy
-        organ, volumes_ml = anatomy.organ, anatomy.tumour_volumes_m3 * 1e6
-        n_poses.append(stage.workspace.n_poses)
-        assert organ.to_trimesh().is_watertight
-        hull_m3 = float(ConvexHull(organ.vertices_m).volume)
-        sphericity = np.cbrt(np.pi) * (6.0 * organ.volume_m3) ** (2 / 3) / organ.area_m2
-        shape = (organ.volume_m3 / hull_m3, sphericity)
-        load = (len(volumes_ml), volumes_ml.sum())
-        rows.append((organ.volume_m3 * 1e6, *(organ.extents_m[[0, 2, 1]] * 1e3), *shape, *load))
-        if len(drawn) < N_DRAWN:
-            T = np.linalg.inv(stage.T_world_organ)
-            tumours = tuple(each.transformed(T) for each in anatomy.tumours)
-            drawn.append(LoadedAnatomy(organ=organ.transformed(T), tumours=tumours))
-    print(f"{len(rows)} livers, each closed and with poses on it: {min(n_poses)} at least")
-    names = (
-        "volume [ml]",
-        "left-right [mm]",
-        "front-back [mm]",
-        "foot-head [mm]",
-        "volume / hull",
-        "sphericity",
-    )
-    for name, values in zip(names, np.array(rows).T, strict=False):
-        print(f"{name}: {values.mean():.4g} +- {values.std():.2g}, {values.min():.4g} to {values.max():.4g}")
-    proportions = np.array([np.array(row[1:4]) / np.cbrt(row[0]) for row in rows])
+        scenario = scenario_of(seed)
+        placed, _ = placed_organ(scenario, None)
+        assert is_closed(placed.organ.faces), seed
+        organs.append(placed.organ)
+        n_poses.append(make_workspace(scenario, placed).n_poses)
+    print(f"{len(organs)} livers, each closed, with {min(n_poses):,} to {max(n_poses):,} poses")
+    print_shapes(organs)
+    planted = [plant(seed) for seed in tqdm(range(options.first, options.first + options.loads), unit="load")]
+    for name, values in {
+        "tumours": [len(each.tumours) for each in planted],
+        "tumour volume [ml]": [sum(tumour.volume_m3 for tumour in each.tumours) * 1e6 for each in planted],
+    }.items():
+        quartiles = " / ".join(f"{each:.3g}" for each in np.percentile(values, [25, 50, 75]))
+        print(f"{name}: quartiles {quartiles} of {len(planted)}")
+    draw(planted[:N_DRAWN], options)
+
+
+def scenario_of(seed: int) -> Scenario:
+    """The case of a seed."""
+    return EpisodeOptions(scenario="generated-liver", seed=seed).make_scenario()
+
+
+def plant(seed: int) -> LoadedAnatomy:
+    """A seed's liver with its tumours, in patient axes."""
+    stage = build_stage(scenario_of(seed), None, MapSettings())
+    anatomy = make_truth(stage, np.random.default_rng(seed).spawn(3)[0]).anatomy
+    T = np.linalg.inv(stage.T_world_organ)
+    tumours = tuple(each.transformed(T) for each in anatomy.tumours)
+    return LoadedAnatomy(organ=anatomy.organ.transformed(T), tumours=tumours)
+
+
+def print_shapes(organs: list[Solid]) -> None:
+    """Mean, deviation and range of what tells a liver's shape."""
+    volumes_m3 = np.array([organ.volume_m3 for organ in organs])
+    extents_m = np.array([organ.extents_m[[0, 2, 1]] for organ in organs])
+    hulls_m3 = np.array([ConvexHull(organ.vertices_m).volume for organ in organs])
+    areas_m2 = np.array([organ.area_m2 for organ in organs])
+    columns = {"volume [ml]": volumes_m3 * 1e6}
+    columns |= {f"{name} [mm]": extents_m[:, i] * 1e3 for i, name in enumerate(EXTENTS)}
+    columns["volume / hull"] = volumes_m3 / hulls_m3
+    columns["sphericity"] = np.cbrt(np.pi) * (6.0 * volumes_m3) ** (2 / 3) / areas_m2
+    for name, values in columns.items():
+        print(f"{name}: {values.mean():.4g} +- {values.std():.3g}, {values.min():.4g} to {values.max():.4g}")
+    proportions = extents_m / np.cbrt(volumes_m3)[:, None]
     variation = proportions.std(axis=0) / proportions.mean(axis=0)
     print("extents over the cube root of the volume vary by", *(f"{each:.1%}" for each in variation))
-    for name, values in zip(("tumours", "tumour volume [ml]"), np.array(rows).T[6:], strict=True):
-        print(
-            f"{name}: quartiles {' / '.join(f'{each:.3g}' for each in np.percentile(values, [25, 50, 75]))}"
-        )
-    figure = Figure(figsize=(3.0 * N_DRAWN, 5.6), layout="constrained")
-    for index, axes in enumerate(figure.subplots(2, len(drawn)).T):
-        draw_view(axes[0], drawn[index], 0)
-        draw_view(axes[1], drawn[index], 2)
+
+
+def draw(planted: list[LoadedAnatomy], options: SheetOptions) -> None:
+    """Draw livers from the front and from the feet."""
+    figure = Figure(figsize=(3.0 * len(planted), 5.6), layout="constrained")
+    for index, axes in enumerate(figure.subplots(2, len(planted), squeeze=False).T):
+        draw_view(axes[0], planted[index], 0)
+        draw_view(axes[1], planted[index], 2)
         axes[0].set_title(f"seed {options.first + index}, from the front", loc="left", fontsize=10)
     save(figure, options.out)
 

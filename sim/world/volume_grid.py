@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,15 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import VolumeError
-
-MEMORY_SHARE = 0.4
-"""Share of the machine's memory that the voxels of a volume may take."""
+from .memory import spare_bytes
 
 BYTES_PER_VOXEL = 4
 """Labels are kept once in parts and once together, where all of a volume is labelled."""
-
-CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
-"""Where Linux says how much memory a container may take."""
 
 MOST_DEFLATED = 1040
 """No gzip stream unfolds to more bytes per byte than this; a file that claims more is cut short."""
@@ -70,7 +64,7 @@ def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
         )
     n_voxels = shape[0] * shape[1] * shape[2]
     per_voxel = BYTES_PER_VOXEL + (0 if grid.is_streamed else grid.dtype.itemsize)
-    n_bytes, memory = n_voxels * per_voxel, MEMORY_SHARE * _memory_bytes()
+    n_bytes, memory = n_voxels * per_voxel, spare_bytes()
     if n_bytes > memory:
         raise VolumeError(
             f"{path}: {' x '.join(map(str, shape))} voxels may take {n_bytes / 2**30:.3g} GiB, more than the "
@@ -83,19 +77,6 @@ def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
             f"{' x '.join(map(str, shape))} voxels; copy or download it again"
         )
     return shape[0], shape[1], shape[2]
-
-
-def _memory_bytes() -> int:
-    """The machine's memory, or what the container may take of it."""
-    try:
-        n_bytes = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (ValueError, OSError, AttributeError):
-        n_bytes = 8 * 2**30
-    try:
-        limit = CONTAINER_LIMIT.read_text(encoding="ascii").strip()
-        return min(n_bytes, int(limit)) if limit.isdecimal() else n_bytes
-    except OSError:
-        return n_bytes
 
 
 def check_affine(path: Path, grid: Grid, spacing_m: tuple[float, float, float] | None) -> NDArray[np.float64]:

@@ -145,7 +145,7 @@ def test_every_separate_piece_is_a_tumour_and_noise_is_not(tmp_path):
     assert len(loaded.tumours) == 2
     assert loaded.tumours[0].volume_m3 > loaded.tumours[1].volume_m3  # the largest first
     assert loaded.tumour_names == ("seg.nii.gz: tumour 1", "seg.nii.gz: tumour 2")
-    assert any("1 tumour piece outside the organ, was dropped" in notice for notice in loaded.notices)
+    assert any("1 tumour piece outside the organ was dropped" in notice for notice in loaded.notices)
 
 
 def test_islands_beside_the_organ_are_dropped_and_counted(tmp_path):
@@ -182,4 +182,4 @@ def test_probabilities_are_cut_at_one_half_and_said_so(tmp_path):
     loaded = load(save_nifti(tmp_path / "soft.nii.gz", soft, T))
     assert loaded.organ.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.055**3, rel=0.02)
     assert any("above 0.5 are taken for label 1" in notice for notice in loaded.notices)
-    assert any("1 voxels are NaN" in notice for notice in loaded.notices)
+    assert any("a voxel is NaN" in notice for notice in loaded.notices)

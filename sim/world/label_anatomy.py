@@ -195,9 +195,9 @@ def _tumours(
     sizes[0] = inside[0] = 0
     diameters_m = np.cbrt(6.0 * sizes * voxel_m3 / np.pi)
     is_there, is_inside = sizes > 0, inside > 0
-    _count(notices, is_there & ~is_inside, "outside the organ, {} dropped", noun)
+    _count(notices, is_there & ~is_inside, "outside the organ {} dropped", noun)
     is_large = diameters_m >= LEAST_TUMOUR_DIAMETER_M
-    small = f"under {LEAST_TUMOUR_DIAMETER_M * 1e3:g} mm across, {{}} taken for noise and dropped"
+    small = f"under {LEAST_TUMOUR_DIAMETER_M * 1e3:g} mm across {{}} taken for noise and dropped"
     _count(notices, is_there & is_inside & ~is_large, small, noun)
     kept = np.flatnonzero(is_there & is_inside & is_large)
     kept = kept[np.argsort(-sizes[kept], kind="stable")]

@@ -74,7 +74,9 @@ def read_labels(
         gathered = _gather_plain(path, layers(thickness))
     else:
         low, high, is_whole, n_nan = _survey(layers(thickness), slope, intercept)
-        remarks += [f"{n_nan:,} voxels are NaN or infinite and count as background"] if n_nan else []
+        if n_nan:
+            voxels = "a voxel is" if n_nan == 1 else f"{n_nan:,} voxels are"
+            remarks.append(f"{voxels} NaN or infinite, which counts as background")
         is_probability = not is_whole and low >= -ROUNDING and high <= 1.0 + ROUNDING
         if is_probability:
             remarks.append("the values lie between 0 and 1: those above 0.5 are taken for label 1")

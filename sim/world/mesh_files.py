@@ -29,6 +29,9 @@ LEAST_FILE_BYTES_PER_TRIANGLE = 18
 BYTES_PER_TRIANGLE = 850
 """Memory that reading, closing and simplifying a mesh takes at its peak, as measured on 2 million triangles."""
 
+STL_HEADER_BYTES = 84
+"""Of a binary STL; the last four are the number of its triangles."""
+
 HEADER_BYTES = 400
 """Where 3D Slicer writes SPACE=LPS or SPACE=RAS into the files it saves."""
 
@@ -83,6 +86,7 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
         raise MeshError(f"{path}: holds no triangles in space; export a surface of triangles")
     if len(faces) == 0:
+        _check_whole(path, content)
         raise MeshError(f"{path}: holds no triangles; export the surface, not its points alone")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError(f"{path}: triangles name vertices that the file does not hold; export the mesh again")
@@ -93,6 +97,24 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
             f"{path}: {n_bad} of {len(vertices)} vertices are NaN or infinite; export the mesh again"
         )
     return vertices, faces, content
+
+
+def _check_whole(path: Path, content: bytes) -> None:
+    """Nothing, unless a file that holds no triangles is empty, or an STL cut short.
+
+    Raises:
+        MeshError: It is.
+    """
+    if not content:
+        raise MeshError(f"{path}: the file is empty; copy or export it again")
+    if path.suffix.lower() != ".stl" or content.lstrip().startswith(b"solid"):
+        return
+    n = int.from_bytes(content[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
+    if len(content) < STL_HEADER_BYTES + n * FILE_BYTES_PER_TRIANGLE[".stl"]:
+        raise MeshError(
+            f"{path}: is cut short or no STL: by its header {n:,} triangles follow, and it ends after "
+            f"{len(content):,} bytes; copy or export it again"
+        )
 
 
 def _check_memory(path: Path) -> None:

@@ -155,6 +155,8 @@ def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role:
         raise MeshError(
             f"{path}: its bounding box of {extent_m:.4g} m is above {LARGEST_EXTENT_M:g} m; {remedy}"
         )
+    if extent_m == 0.0:
+        raise MeshError(f"{path}: all of its vertices are at one point; export the mesh again")
     smallest_m = SMALLEST_EXTENT_M[role]
     if extent_m < smallest_m:
         remedy = "if the file is in metres, pass --unit m" if unit == "mm" else "check the file's coordinates"
@@ -169,7 +171,8 @@ def _check_volume(path: Path, solid: Solid, volume_m3: float) -> None:
     if not volume_m3 > FLAT_SHARE * diagonal_m**3:
         raise MeshError(
             f"{path}: encloses no volume ({volume_m3 * 1e6:.3g} ml in a box of diagonal "
-            f"{diagonal_m * 1e3:.3g} mm); it must bound a solid, not a sheet"
+            f"{diagonal_m * 1e3:.3g} mm); it must bound a solid, neither be a sheet nor cross itself so that its "
+            "parts cancel: remesh it"
         )
 
 

@@ -28,7 +28,7 @@ class InsetSettings:
 
     hinge_spacing_m: float = 0.005625
     """Distance between neighbouring hinges [m], half of the coarse map's; gamma follows from it."""
-    margin_m: float = 0.012
+    margin_m: float = 0.008
     """A box reaches at least this far beyond the points called tumour [m]."""
     tolerance: float = 3e-5
     """As `MapSettings.tolerance`; what the narrower kernel itself leaves open is far more."""
@@ -104,6 +104,7 @@ class DetailedMap:
                 self._insets[box] = self._lay_in(box)
                 for earlier in self._readings:
                     _learn(self._insets[box], box, earlier)
+                _settle(self._insets[box])
         return report
 
     def revise(self, n_sweeps: int = 1) -> float:
@@ -167,3 +168,9 @@ def _learn(inset: _Inset | None, box: Box, reading: LabelledPoints) -> None:
     near = box.holds(reading.points_m, inset.reach_m)
     if near.any():
         inset.fine.update(reading.points_m[near], reading.is_occupied[near])
+
+
+def _settle(inset: _Inset | None) -> None:
+    """Fits the readings that a map was laid in with again: the first were taken in without knowing of the others."""
+    if inset is not None and inset.fine.settings.form != "diagonal":
+        inset.fine.revise()

@@ -41,8 +41,10 @@ class FindAndOutline(Planner):
     """Least probability granted to such a place: the map's edges are not sharp enough to deny it."""
     least_gain_m3: float = 5e-8
     """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
-    hidden_m3: float = 3e-6
+    hidden_m3: float = 6e-6
     """Tumour volume that a search of the whole organ is expected to find [m^3]: weighs finding against outlining."""
+    hidden_ratio: float = 1.0
+    """What it is expected to find besides, as a share of the volume found so far: where much was, more may be."""
     fading: float = 0.03
     """What a ball still counts each time that it was looked at and nothing was found."""
     travel_weight: float = 0.0
@@ -62,8 +64,9 @@ class FindAndOutline(Planner):
         for name in ("floor", "fading"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise PlannerError(f"{name} must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
-        if not 0.0 <= self.travel_weight < np.inf:
-            raise PlannerError(f"travel_weight must be 0 or above and finite, got {self.travel_weight}")
+        for name in ("hidden_ratio", "travel_weight"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise PlannerError(f"{name} must be 0 or above and finite, got {getattr(self, name)}")
         if not 1 <= self.batch <= MAX_STOPS:
             raise PlannerError(f"batch must be 1 to {MAX_STOPS}, got {self.batch}")
 
@@ -120,11 +123,12 @@ class FindAndOutline(Planner):
 
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """Tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above."""
-        found_m3 = self.hidden_m3 * self.search_score(situation)
+        share = self.search_score(situation)
         if not situation.sensed:
-            return found_m3
+            return self.hidden_m3 * share
         outlined_m3 = self.outline_score(situation)
-        return found_m3 + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
+        hidden_m3 = self.hidden_m3 + self.hidden_ratio * _likely_m3(situation)
+        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
         """Share of what could still hide that each pose would find, shape (N,)."""
@@ -177,6 +181,13 @@ def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float
     if situation.prediction is None:
         raise PlannerError("find-and-outline needs the map's prediction at the search points; got None")
     return probability_at(lattice, situation.prediction)
+
+
+def _likely_m3(situation: Situation) -> float:
+    """Volume where the map takes tumour to be likelier than not [m^3]."""
+    lattice = fine_lattice(situation.search_points_m)
+    share = 0.0 if situation.prediction is None else float(np.mean(situation.prediction.score > 0.0))
+    return share * lattice.cell_m3 * len(lattice.points_m)
 
 
 def _likely_tumour_m(

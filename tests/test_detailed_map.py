@@ -1,4 +1,4 @@
-"""Finer maps laid into a map: boxes around clusters, the same posterior whenever they are made, small tumours kept."""
+"""Finer maps laid into a map: boxes around clusters, each with a map of its own, small tumours kept."""
 
 from dataclasses import replace
 
@@ -64,18 +64,25 @@ def test_inside_its_box_it_is_the_fine_map_of_the_same_readings_and_outside_the_
     rng, settings = np.random.default_rng(1), InsetSettings(tolerance=0.0)
     readings = [reading(rng, n_points=300) for _ in range(3)]
     coarse, detailed = make_coarse(tolerance=0.0), DetailedMap(make_coarse(tolerance=0.0), settings)
-    for points_m, labels in readings:
+    spacing_m = settings.hinge_spacing_m
+    box, fine = None, coarse
+    for number, (points_m, labels) in enumerate(readings, start=1):
         coarse.update(points_m, labels)
         detailed.update(points_m, labels)
-    (box,) = detailed.boxes
-    spacing_m = settings.hinge_spacing_m
-    fine = HilbertMap(
-        Lattice.from_box(box.low_m - spacing_m, box.high_m + spacing_m, spacing_m=spacing_m),
-        replace(coarse.settings, hinge_spacing_m=spacing_m, gamma_per_m2=4 * coarse.settings.gamma_per_m2),
-    )
-    for points_m, labels in readings:
-        near = box.holds(points_m, spacing_m)
-        fine.update(points_m[near], labels[near])
+        is_laid_in_anew = detailed.boxes != [box]
+        (box,) = detailed.boxes
+        if is_laid_in_anew:
+            fine = HilbertMap(
+                Lattice.from_box(box.low_m - spacing_m, box.high_m + spacing_m, spacing_m=spacing_m),
+                replace(
+                    coarse.settings, hinge_spacing_m=spacing_m, gamma_per_m2=4 * coarse.settings.gamma_per_m2
+                ),
+            )
+        for points_m, labels in readings[0 if is_laid_in_anew else number - 1 : number]:
+            near = box.holds(points_m, spacing_m)
+            fine.update(points_m[near], labels[near])
+        if is_laid_in_anew:
+            fine.revise()
     asked_m = detailed.query_points_m()
     inside = box.holds(asked_m)
     assert 100 < inside.sum() < len(asked_m) / 2
@@ -98,6 +105,13 @@ def test_a_small_tumour_that_the_coarse_map_smooths_away_is_kept():
     smooth, sharp = coarse.predict_lattice(), detailed.predict_lattice()
     assert smooth.probability[is_tumour].mean() < 0.4 < 0.6 < sharp.probability[is_tumour].mean()
     assert average_precision(sharp.score, is_tumour) > average_precision(smooth.score, is_tumour) + 0.05
+
+
+def test_a_diagonal_covariance_is_carried_into_the_box():
+    detailed = DetailedMap(make_coarse(form="diagonal"))
+    detailed.update(*reading(np.random.default_rng(4)))
+    assert len(detailed.boxes) == 1
+    assert np.isfinite(detailed.predict_lattice().score).all()
 
 
 def test_two_tumours_get_a_box_each_and_one_box_when_labels_join_them():

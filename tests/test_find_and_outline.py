@@ -82,6 +82,22 @@ def test_the_search_covers_far_more_than_random_poses_do():
     assert covered > max(random) + 0.1
 
 
+def test_the_more_was_found_the_more_is_a_search_worth():
+    none, some = situation(sensed=(0,)), situation(mean=blob(np.array([0.0, 0.0, -0.06]), 0.02), sensed=(0,))
+    search = PLANNER.search_score(none)
+    np.testing.assert_allclose(PLANNER.score(none), PLANNER.hidden_m3 * search, rtol=1e-9)
+    outlined_m3 = PLANNER.outline_score(some)
+    outlined_m3[outlined_m3 < PLANNER.least_gain_m3] = 0.0
+    found_m3 = np.mean(some.prediction.probability > 0.5) * np.prod(
+        np.ptp(POINTS, axis=0)
+    )  # of the box's volume
+    expected_m3 = (PLANNER.hidden_m3 + found_m3) * search
+    gained_m3 = PLANNER.score(some) - outlined_m3
+    assert gained_m3.sum() == pytest.approx(
+        expected_m3.sum(), rel=0.35
+    )  # cells at the box's faces stand out of it
+
+
 # --- outline ---
 
 
@@ -99,11 +115,12 @@ def test_a_likely_tumour_that_no_cone_held_is_covered_next():
 
 def test_outlining_ends_when_all_of_it_and_its_margin_were_sensed():
     mean, sensed = blob(np.array([0.0, 0.0, -0.06]), 0.02), [0]
+    planner = replace(PLANNER, hidden_m3=1e-9, hidden_ratio=0.0)  # nothing else may be expected
     for _ in range(25):
         asked = situation(mean=mean, sensed=sensed)
-        if PLANNER.outline_score(asked).max() < PLANNER.least_gain_m3:
+        if planner.outline_score(asked).max() < planner.least_gain_m3:
             break
-        sensed.append(next(iter(PLANNER.rank(asked))))
+        sensed.append(next(iter(planner.rank(asked))))
     assert 2 < len(sensed) < 20
     held = np.zeros(len(POINTS), dtype=bool)
     for pose in sensed:

@@ -76,19 +76,18 @@ def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None)
     Raises:
         UsageError: A folder that holds no campaign, or no trial.
     """
-    held = [(folder, _entries(folder)) for folder in folders]
-    entries = [
-        (folder, e) for folder, es in held for e in es if seeds is None or e["settings"]["seed"] in seeds
-    ]
+    names = _names(folders)
+    held = [(name, _entries(folder)) for folder, name in names.items()]
+    entries = [(name, e) for name, es in held for e in es if seeds is None or e["settings"]["seed"] in seeds]
     if not entries:
         raise UsageError(f"{', '.join(map(str, folders))}: no trial is done there yet.")
-    is_ambiguous = _ambiguous([e for _, e in entries], len(folders))
+    is_ambiguous = _ambiguous([e for _, e in entries], len(names))
     varying = _varying([entry["settings"] for _, entry in entries])
     groups: dict[tuple[str, str], list[Entry]] = {}
-    for folder, entry in entries:
+    for name, entry in entries:
         contender = _contender(entry["settings"], varying)
         if is_ambiguous:
-            contender += f" ({folder.name})"
+            contender += f" ({name})"
         groups.setdefault((_case(entry["settings"]), contender), []).append(entry)
     return [_group(case, contender, found) for (case, contender), found in groups.items()]
 
@@ -101,6 +100,15 @@ def notes_on(folders: Sequence[Path]) -> list[str]:
         if len({json.dumps(machine.get(name), sort_keys=True) for machine in machines}) > 1:
             notes.append(f"The campaigns were run with different versions: {name} differs.")
     return notes
+
+
+def _names(folders: Sequence[Path]) -> dict[Path, str]:
+    """The folders, each once, by the shortest ends of their paths that tell them all apart."""
+    places = {folder.resolve(): folder for folder in dict.fromkeys(folders)}
+    n_parts = 1
+    while len({place.parts[-n_parts:] for place in places}) < len(places):
+        n_parts += 1
+    return {folder: "/".join(place.parts[-n_parts:]) for place, folder in places.items()}
 
 
 def _entries(folder: Path) -> list[Entry]:

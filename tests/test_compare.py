@@ -130,6 +130,20 @@ def test_campaigns_with_equal_trials_are_told_apart_by_folder(tmp_path) -> None:
     assert (float(pair["mean"]), pair["n_wins"], pair["n"]) == (-5.0, "6", "6")
 
 
+def test_folders_of_one_name_are_told_apart_and_one_named_twice_counts_once(tmp_path) -> None:
+    folders = [
+        write(tmp_path / parent / "planners", [entry(seed, "random", needed=20 + more) for seed in range(3)])
+        for parent, more in (("may", 0), ("june", 5))
+    ]
+    groups = load_groups([*folders, folders[0]])
+    assert [(group.contender, len(group.entries)) for group in groups] == [
+        ("random (may/planners)", 3),
+        ("random (june/planners)", 3),
+    ]
+    (alone,) = load_groups([folders[0], folders[0]])
+    assert (alone.contender, len(alone.entries)) == ("random", 3)
+
+
 def test_settings_that_differ_name_the_contenders(tmp_path) -> None:
     entries = [
         map_entry(seed, "expected-improvement", [0.1, value], **more)

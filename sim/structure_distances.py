@@ -1,15 +1,20 @@
-"""How far vessels and other structures are from the tumours: those that the map shows, and the true ones."""
+"""How far vessels and other structures are from the tumours, and from the bodies of a second class: mapped and true."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import generate_binary_structure, label
 
+from mapping import Prediction
+
 from .episode import Episode
 from .map_volumes import THRESHOLD
+from .stage import Stage
+from .world.solid import Solid
 from .world.structures import Structure
 
 LEAST_CELLS = 2
@@ -20,36 +25,48 @@ def distance_rows(episode: Episode) -> list[dict[str, Any]]:
     """A row for each structure and tumour: `mapped` ones, the largest first, and `true` ones.
 
     A mapped tumour is a connected piece of the lattice where the probability is above one half, and its distance that
-    of its nearest point; so it is known to half a step of the lattice.
+    of its nearest point; so it is known to half a step of the lattice. Where a second class is mapped, its bodies have
+    rows too, which leave the column `tumour` empty and fill `target` and `target_name` in its place.
     """
-    stage = episode.stage
-    rows = []
-    for structure in stage.structures:
-        mapped = [_row(structure, "mapped", i, *each) for i, each in enumerate(_mapped(episode), start=1)]
-        true = [
-            _row(structure, "true", i, tumour.vertices_m, tumour.volume_m3)
-            for i, tumour in enumerate(episode.truth.anatomy.tumours, start=1)
+    stage, target = episode.stage, episode.target
+    if not stage.structures:
+        return []
+    no_target = {} if target is None else {"target": None, "target_name": None}
+    bodies = [
+        ({"tumour": kind, **no_target}, *body)
+        for kind, *body in _bodies(stage, episode.prediction, episode.truth.anatomy.tumours)
+    ]
+    if target is not None:
+        bodies += [
+            ({"tumour": None, "target": kind, "target_name": target.name}, *body)
+            for kind, *body in _bodies(stage, target.prediction, target.truth.anatomy.tumours)
         ]
-        rows += [*mapped, *true]
-    return rows
+    return [_row(structure, *body) for structure in stage.structures for body in bodies]
+
+
+def _bodies(
+    stage: Stage, prediction: Prediction | None, true: Sequence[Solid]
+) -> list[tuple[str, int, NDArray[np.float64], float]]:
+    """Kind, number, points [m] and volume [m^3] of each body of a class, the mapped ones first."""
+    mapped = [("mapped", i, *each) for i, each in enumerate(_mapped(stage, prediction), start=1)]
+    return mapped + [("true", i, each.vertices_m, each.volume_m3) for i, each in enumerate(true, start=1)]
 
 
 def _row(
-    structure: Structure, kind: str, number: int, points_m: NDArray[np.float64], volume_m3: float
+    structure: Structure, kind: dict[str, Any], number: int, points_m: NDArray[np.float64], volume_m3: float
 ) -> dict[str, Any]:
     return {
         "structure": structure.name,
         "is_keepout": structure.is_keepout,
-        "tumour": kind,
+        **kind,
         "number": number,
         "volume_m3": volume_m3,
         "distance_m": float(structure.distance_m(points_m).min()),
     }
 
 
-def _mapped(episode: Episode) -> list[tuple[NDArray[np.float64], float]]:
-    """Points [m] and volume [m^3] of each tumour of the map, the largest first."""
-    stage, prediction = episode.stage, episode.prediction
+def _mapped(stage: Stage, prediction: Prediction | None) -> list[tuple[NDArray[np.float64], float]]:
+    """Points [m] and volume [m^3] of each body of a map, the largest first."""
     if prediction is None:
         return []
     is_likely = np.zeros(stage.query.n_points, dtype=bool)

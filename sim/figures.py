@@ -73,7 +73,14 @@ def draw_precision_recall(
     else:
         recall, precision = _by_rising_recall(recall, precision)
         axes.fill_between(recall, precision, step="pre", color=BLUE, alpha=0.12, linewidth=0)
-        axes.plot(recall, precision, drawstyle="steps-pre", color=BLUE, linewidth=2.2, label="tumour")
+        axes.plot(
+            recall,
+            precision,
+            drawstyle="steps-pre",
+            color=BLUE,
+            linewidth=2.2,
+            label=f"tumour: area {auprc:.2f}",
+        )
         axes.axhline(prevalence, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.2)
         axes.annotate(
             f"uninformed map: {prevalence:.2g}",
@@ -85,6 +92,7 @@ def draw_precision_recall(
         )
         title = f"Precision and recall of the final map: area {auprc:.2f}"
     if target is not None:
+        title = "Precision and recall of the final maps"
         _draw_target_ranking(axes, target)
     axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
     save(figure, path)
@@ -181,7 +189,11 @@ def _draw_target_ranking(axes: Axes, target: TargetCurves) -> None:
         label = f"{target.name}: area {area:.2f}"
         axes.plot(recall, precision, drawstyle="steps-pre", color=AMBER, linewidth=2.2, label=label)
     if axes.lines:
-        axes.legend(loc="upper right", frameon=False, fontsize=10, labelcolor="linecolor", handlelength=1.4)
+        place = {
+            "loc": "lower left",
+            "bbox_to_anchor": (0.0, 0.06),
+        }  # curves pass by; the prevalence is below
+        axes.legend(**place, frameon=False, fontsize=10, labelcolor="linecolor", handlelength=1.4)
 
 
 def _draw_goal(axes: Axes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import shlex
 import subprocess
@@ -14,7 +15,7 @@ from page_commands import PAGES, ROOT, Command, all_commands, blocks, make_clone
 
 from sim.cli import _parse, main
 from sim.options import EpisodeOptions
-from sim.scenarios import load_scenario
+from sim.scenarios import Scenario, load_scenario
 from sim.study_file import load_study
 from sim.trials_options import TrialsOptions
 from sim.world.arm import ArmModel
@@ -95,6 +96,12 @@ def test_every_toml_file_loads(page: str, text: str, tmp_path) -> None:
         assert len(load_study(str(file))) > 0
     else:
         assert load_scenario(str(file)).name
+
+
+def test_every_field_of_a_scenario_is_on_its_page() -> None:
+    page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z_]+)`", "".join(re.findall(r"^\|([^|]*)\|", page, re.MULTILINE))))
+    assert named == {"base"} | {field.name for field in dataclasses.fields(Scenario)}
 
 
 @pytest.mark.parametrize(("page", "text"), files("xml"), ids=lambda each: each[:20])

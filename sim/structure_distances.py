@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,18 @@ LEAST_CELLS = 2
 """Points of the lattice above the threshold that make a mapped tumour: a single one has no extent."""
 
 
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """A tumour, or a body of the second class."""
+
+    kind: str
+    """`mapped` or `true`."""
+    number: int
+    points_m: NDArray[np.float64]
+    """Points of it, shape (K, 3)."""
+    volume_m3: float
+
+
 def distance_rows(episode: Episode) -> list[dict[str, Any]]:
     """A row for each structure and tumour: `mapped` ones, the largest first, and `true` ones.
 
@@ -32,36 +45,31 @@ def distance_rows(episode: Episode) -> list[dict[str, Any]]:
     if not stage.structures:
         return []
     no_target = {} if target is None else {"target": None, "target_name": None}
-    bodies = [
-        ({"tumour": kind, **no_target}, *body)
-        for kind, *body in _bodies(stage, episode.prediction, episode.truth.anatomy.tumours)
-    ]
+    tumours = _bodies(stage, episode.prediction, episode.truth.anatomy.tumours)
+    bodies = [(each, {"tumour": each.kind, **no_target}) for each in tumours]
     if target is not None:
-        bodies += [
-            ({"tumour": None, "target": kind, "target_name": target.name}, *body)
-            for kind, *body in _bodies(stage, target.prediction, target.truth.anatomy.tumours)
-        ]
-    return [_row(structure, *body) for structure in stage.structures for body in bodies]
+        named = {"tumour": None, "target": None, "target_name": target.name}
+        targets = _bodies(stage, target.prediction, target.truth.anatomy.tumours)
+        bodies += [(each, named | {"target": each.kind}) for each in targets]
+    return [_row(structure, body, classes) for structure in stage.structures for body, classes in bodies]
 
 
-def _bodies(
-    stage: Stage, prediction: Prediction | None, true: Sequence[Solid]
-) -> list[tuple[str, int, NDArray[np.float64], float]]:
-    """Kind, number, points [m] and volume [m^3] of each body of a class, the mapped ones first."""
-    mapped = [("mapped", i, *each) for i, each in enumerate(_mapped(stage, prediction), start=1)]
-    return mapped + [("true", i, each.vertices_m, each.volume_m3) for i, each in enumerate(true, start=1)]
+def _bodies(stage: Stage, prediction: Prediction | None, true: Sequence[Solid]) -> list[_Body]:
+    """The bodies of a class, the mapped ones first."""
+    mapped = [_Body("mapped", i, *each) for i, each in enumerate(_mapped(stage, prediction), start=1)]
+    return mapped + [
+        _Body("true", i, each.vertices_m, each.volume_m3) for i, each in enumerate(true, start=1)
+    ]
 
 
-def _row(
-    structure: Structure, kind: dict[str, Any], number: int, points_m: NDArray[np.float64], volume_m3: float
-) -> dict[str, Any]:
+def _row(structure: Structure, body: _Body, classes: dict[str, str | None]) -> dict[str, Any]:
     return {
         "structure": structure.name,
         "is_keepout": structure.is_keepout,
-        **kind,
-        "number": number,
-        "volume_m3": volume_m3,
-        "distance_m": float(structure.distance_m(points_m).min()),
+        **classes,
+        "number": body.number,
+        "volume_m3": body.volume_m3,
+        "distance_m": float(structure.distance_m(body.points_m).min()),
     }
 
 

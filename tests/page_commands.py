@@ -28,7 +28,7 @@ SHORTER = (
 )
 """Everything in which a command that is run differs from the page: pattern, replacement."""
 SKIPPED = (
-    (r"^pip ", "downloads packages: needs the network"),
+    (r"\bpip ", "downloads packages: needs the network"),
     (r"^dask |--address", "needs a cluster"),
     (r"\bview (?!.*--rerun)", "opens a window: needs a display"),
 )

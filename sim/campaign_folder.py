@@ -123,7 +123,13 @@ def _inputs(study: Study) -> dict[str, Any]:
         inputs[f"scenario {options.scenario}"] = json.loads(
             json.dumps(dataclasses.asdict(load_scenario(options.scenario)))
         )
-        for file in (options.organ, *options.tumour, options.arm, scenario.organ, *scenario.tumour_files):
-            if file is not None and Path(file).is_file():
+        patient = (
+            *scenario.tumour_files,
+            *scenario.target_files,
+            *scenario.structure_files,
+            *scenario.keepout_files,
+        )
+        for file in (options.arm, scenario.organ, *patient):
+            if Path(file).is_file():
                 inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
     return inputs

@@ -4,6 +4,7 @@ Every function goes from arrays to a file and touches no global state of matplot
 and Ito's palette, which the common forms of colour blindness tell apart.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
+PURPLE = "#CC79A7"
+AMBER = "#E69F00"
 INK = "#222222"
 MUTED = "#767676"
 GRID = "#E6E6E6"
@@ -26,8 +29,30 @@ SENSED_TARGET = 0.95
 """Share of the tumour volume at which the paper counts the tumours as detected."""
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TargetCurves:
+    """What the figures show of a second class that is mapped beside the tumours."""
+
+    name: str
+    """What it is called."""
+    auprc: ArrayLike
+    """AUPRC of its map after each action, shape (T,); NaN where it is not defined."""
+    sensed_fraction: ArrayLike
+    """Share of its volume sensed after each action, shape (T,)."""
+    recall: ArrayLike = ()
+    """Recall along the precision-recall curve of its final map, shape (K,); empty where that is not defined."""
+    precision: ArrayLike = ()
+    """Precision along it, shape (K,)."""
+
+
 def draw_precision_recall(
-    path: Path, *, recall: ArrayLike, precision: ArrayLike, auprc: float | None, prevalence: float
+    path: Path,
+    *,
+    recall: ArrayLike,
+    precision: ArrayLike,
+    auprc: float | None,
+    prevalence: float,
+    target: TargetCurves | None = None,
 ) -> None:
     """Writes the precision-recall curve of the final map as a PNG.
 
@@ -37,16 +62,25 @@ def draw_precision_recall(
         precision: Precision along the curve, shape (K,).
         auprc: Area under the curve; None without any tumour, when the curve is not defined.
         prevalence: Share of tumour among the scored points: the precision of an uninformed map.
+        target: The second class, whose curve is drawn as well; None for none.
     """
     figure, axes = new_figure(width_in=5.2, height_in=4.6)
     axes.set(xlabel="recall", ylabel="precision", xlim=(0, 1.02), ylim=(0, 1.02))
     if auprc is None:
-        _note(axes, "No tumour in this organ:\nprecision and recall are not defined.")
+        if target is None:
+            _note(axes, "No tumour in this organ:\nprecision and recall are not defined.")
         title = "Precision and recall of the final map"
     else:
         recall, precision = _by_rising_recall(recall, precision)
         axes.fill_between(recall, precision, step="pre", color=BLUE, alpha=0.12, linewidth=0)
-        axes.plot(recall, precision, drawstyle="steps-pre", color=BLUE, linewidth=2.2)
+        axes.plot(
+            recall,
+            precision,
+            drawstyle="steps-pre",
+            color=BLUE,
+            linewidth=2.2,
+            label=f"tumour: area {auprc:.2f}",
+        )
         axes.axhline(prevalence, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.2)
         axes.annotate(
             f"uninformed map: {prevalence:.2g}",
@@ -57,27 +91,38 @@ def draw_precision_recall(
             fontsize=9,
         )
         title = f"Precision and recall of the final map: area {auprc:.2f}"
+    if target is not None:
+        title = "Precision and recall of the final maps"
+        _draw_target_ranking(axes, target)
     axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
     save(figure, path)
 
 
-def draw_progress(path: Path, *, auprc: ArrayLike, sensed_fraction: ArrayLike) -> None:
+def draw_progress(
+    path: Path, *, auprc: ArrayLike, sensed_fraction: ArrayLike, target: TargetCurves | None = None
+) -> None:
     """Writes AUPRC and sensed fraction against the number of sensing actions as a PNG.
 
     Args:
         path: The file to write.
         auprc: AUPRC after each action, shape (T,); NaN where it is not defined.
         sensed_fraction: Share of the tumour volume sensed after each action, shape (T,); NaN without tumours.
+        target: The second class, whose curves are drawn as well; None for none.
     """
     figure, axes = new_figure(width_in=6.8, height_in=4.2)
     sensed, ranked = (np.asarray(values, dtype=np.float64) for values in (sensed_fraction, auprc))
     axes.set(xlabel="sensing actions", ylim=(0, 1.02), xlim=(0, max(len(sensed), 1) * 1.02))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_title("Progress of the run", loc="left", fontsize=12, color=INK, pad=12)
-    if np.isfinite(sensed).any():
-        _draw_target(axes)
+    has_tumours = bool(np.isfinite(sensed).any())
+    if has_tumours:
         _draw_series(axes, sensed, label="tumour sensed", colour=VERMILION)
         _draw_series(axes, ranked, label="AUPRC of the map", colour=BLUE)
+    if target is not None:
+        _draw_series(axes, target.sensed_fraction, label=f"{target.name} sensed", colour=PURPLE)
+        _draw_series(axes, target.auprc, label=f"AUPRC of the map of {target.name}", colour=AMBER)
+    if has_tumours or target is not None:
+        _draw_goal(axes)
         axes.legend(loc="lower right", frameon=False, fontsize=10, labelcolor="linecolor", handlelength=1.4)
     else:
         _note(axes, "No tumour in this organ:\nthere is nothing to sense or to rank.")
@@ -135,7 +180,23 @@ def _by_rising_recall(
     return (recall[::-1], precision[::-1]) if recall[0] > recall[-1] else (recall, precision)
 
 
-def _draw_target(axes: Axes) -> None:
+def _draw_target_ranking(axes: Axes, target: TargetCurves) -> None:
+    """The second class's curve, and a legend that tells both."""
+    recall, precision = (np.asarray(values, dtype=np.float64) for values in (target.recall, target.precision))
+    if recall.size:
+        recall, precision = _by_rising_recall(recall, precision)
+        area = float(np.asarray(target.auprc, dtype=np.float64)[-1])
+        label = f"{target.name}: area {area:.2f}"
+        axes.plot(recall, precision, drawstyle="steps-pre", color=AMBER, linewidth=2.2, label=label)
+    if axes.lines:
+        place = {
+            "loc": "lower left",
+            "bbox_to_anchor": (0.0, 0.06),
+        }  # curves pass by; the prevalence is below
+        axes.legend(**place, frameon=False, fontsize=10, labelcolor="linecolor", handlelength=1.4)
+
+
+def _draw_goal(axes: Axes) -> None:
     axes.axhline(SENSED_TARGET, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.0)
     axes.annotate(
         f"{SENSED_TARGET:.0%} sensed",
@@ -148,7 +209,8 @@ def _draw_target(axes: Axes) -> None:
     )
 
 
-def _draw_series(axes: Axes, values: NDArray[np.float64], *, label: str, colour: str) -> None:
+def _draw_series(axes: Axes, series: ArrayLike, *, label: str, colour: str) -> None:
+    values = np.asarray(series, dtype=np.float64)
     actions = np.arange(1, len(values) + 1)
     axes.plot(actions, values, color=colour, linewidth=2.2, label=label, drawstyle="steps-post")
     axes.plot(actions[-1:], values[-1:], "o", color=colour, markersize=5, clip_on=False)

@@ -62,7 +62,8 @@ def _probe(trial: Trial) -> Trial:
 def _forecast(trial: Trial, n_trials: int, timings: Mapping[str, float], size: int) -> Forecast:
     actions_s = sum(timings.get(part, 0.0) for part in ACTION_PARTS)
     per_action_s = actions_s / min(N_PROBED, trial.options.steps)
-    n_curves = 2 if trial.options.keeps_map() else 1
+    options = trial.options
+    n_curves = (2 if options.keeps_map() else 1) * (2 if options.make_scenario().has_target else 1)
     more_bytes = 9 * n_curves * max(trial.options.steps - N_PROBED, 0)  # "0.123456," per action
     trial_s = timings.get("setup_s", 0.0) + per_action_s * trial.options.steps
     return Forecast(trial, n_trials, trial_s, size + more_bytes)

@@ -53,6 +53,13 @@ class MapPicture:
     """Triangles of the organ's surface [m, world], shape (F, 3, 3), for an exact outline; else None."""
     tumour_triangles_m: NDArray[np.float64] | None = None
     """Triangles of all tumours [m, world], shape (F, 3, 3), for exact outlines; else None."""
+    target_name: str | None = None
+    """What a second class is called, where `probability`, `is_tumour` and the outlines are of it; None for tumours."""
+
+    @property
+    def noun(self) -> str:
+        """What is mapped, as one says `probability of ...`."""
+        return self.target_name or "tumour"
 
     def __post_init__(self) -> None:
         """Check that all arrays describe one lattice."""
@@ -102,13 +109,13 @@ def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
     _draw_poses(axes, picture.poses_m[:, [across, up]] * _MM_PER_M)
     axes.set(xlabel=f"{'xyz'[across]} [mm]", ylabel=f"{'xyz'[up]} [mm]", aspect="equal")
     axes.grid(visible=False)
-    axes.set_title(_title(view, len(picture.poses_m)), loc="left", fontsize=12, color=INK, pad=10)
+    axes.set_title(_title(view, picture), loc="left", fontsize=12, color=INK, pad=10)
     beside = ((_MARGINS_IN[0] + width_in + 0.15) / of_figure_in[0], _MARGINS_IN[2] / of_figure_in[1])
     bar_axes = figure.add_axes((*beside, 0.16 / of_figure_in[0], height_in / of_figure_in[1]))
     colourbar = figure.colorbar(image, cax=bar_axes)
-    colourbar.set_label("highest probability of tumour", fontsize=9, color=INK)
+    colourbar.set_label(f"highest probability of {picture.noun}", fontsize=9, color=INK)
     colourbar.ax.tick_params(labelsize=9, length=0)
-    _draw_legend(figure)
+    _draw_legend(figure, f"true {picture.target_name or 'tumours'}")
     save(figure, path)
 
 
@@ -160,10 +167,10 @@ def _draw_poses(axes: Axes, poses_mm: NDArray[np.float64]) -> None:
             axes.text(across_mm, up_mm, str(index + 1), color="white", **text)
 
 
-def _draw_legend(figure: Figure) -> None:
+def _draw_legend(figure: Figure, truth: str) -> None:
     handles = [
         Line2D([], [], color=MUTED, linewidth=1.5, label="organ"),
-        Line2D([], [], color=INK, linewidth=1.5, linestyle="dashed", label="true tumours"),
+        Line2D([], [], color=INK, linewidth=1.5, linestyle="dashed", label=truth),
         Line2D(
             [], [], color=BLUE, linestyle="none", marker="o", markersize=7, label="sensing poses, in order"
         ),
@@ -171,6 +178,7 @@ def _draw_legend(figure: Figure) -> None:
     figure.legend(handles=handles, loc="lower center", ncols=3, frameon=False, fontsize=9)
 
 
-def _title(view: View, n_poses: int) -> str:
-    seen = {"top": "The map from above", "side": "The map from the side"}[view]
-    return f"{seen}, after {n_poses} sensing {'action' if n_poses == 1 else 'actions'}"
+def _title(view: View, picture: MapPicture) -> str:
+    whose = "The map" if picture.target_name is None else f"The map of {picture.target_name}"
+    seen, n_poses = {"top": "from above", "side": "from the side"}[view], len(picture.poses_m)
+    return f"{whose} {seen}, after {n_poses} sensing {'action' if n_poses == 1 else 'actions'}"

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from mapping import precision_recall_curve
+from mapping import Prediction, precision_recall_curve
 
 from .episode import Episode
 from .options import EpisodeOptions
@@ -99,10 +99,22 @@ def _curves(episode: Episode, tally: Tally) -> dict[str, list[float | None]]:
     }
     if episode.prediction is not None:
         curves["auprc"] = [_rounded(step.auprc) for step in tally.steps]
-        if episode.truth.is_tumour.any():
-            curve = precision_recall_curve(episode.prediction.score, episode.truth.is_tumour)
-            curves["precision"] = [_rounded(p) for p in precision_at(curve.recall, curve.precision)]
-    return curves
+        curves["precision"] = _final_precision(episode.prediction, episode.truth.is_tumour)
+    if (target := episode.target) is not None:
+        scores = [step.target for step in tally.steps if step.target is not None]  # all of them
+        curves["target_sensed_fraction"] = [_rounded(score.sensed_fraction) for score in scores]
+        if target.prediction is not None:
+            curves["target_auprc"] = [_rounded(score.auprc) for score in scores]
+            curves["target_precision"] = _final_precision(target.prediction, target.truth.is_target)
+    return {name: values for name, values in curves.items() if values}
+
+
+def _final_precision(prediction: Prediction, truth: NDArray[np.bool_]) -> list[float | None]:
+    """Precision of a map at each of `RECALL_LEVELS`; empty where nothing is there to be found."""
+    if not truth.any():
+        return []
+    curve = precision_recall_curve(prediction.score, truth)
+    return [_rounded(p) for p in precision_at(curve.recall, curve.precision)]
 
 
 def precision_at(recall: NDArray[np.float64], precision: NDArray[np.float64]) -> NDArray[np.float64]:

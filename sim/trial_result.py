@@ -22,7 +22,10 @@ class TrialResult:
     timings: dict[str, float] = field(default_factory=dict)
     """Measured seconds by part, and the process's greatest memory."""
     curves: dict[str, list[float | None]] = field(default_factory=dict)
-    """AUPRC and sensed share after each action, and precision at each of `RECALL_LEVELS` at the end."""
+    """AUPRC and sensed share after each action, and precision at each of `RECALL_LEVELS` at the end.
+
+    Those of a second class have names that begin with `target_`.
+    """
     traceback: str | None = None
 
     def entry(self, trial: Trial) -> dict[str, Any]:

@@ -19,6 +19,9 @@ from .study import LEADING, Study
 from .trial_result import RECALL_LEVELS
 
 TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
+CURVES = ("auprc", "sensed_fraction", "precision")
+TARGET_CURVES = tuple(f"target_{name}" for name in CURVES)
+"""Those of a second class."""
 ROUNDS_OF_PARQUET_BYTES = 1 << 26
 """CSV read at once to find a column's type."""
 
@@ -58,25 +61,25 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
     Returns:
         `first` and `count`, shape (rows,): where each row's actions begin and how many there are; `auprc` and
         `sensed_fraction` after each action, NaN where there is none; `precision`, shape (rows, 50), at `recall`,
-        NaN in rows without a map.
+        NaN in rows without a map. Where any row has a second class, `target_auprc`, `target_sensed_fraction` and
+        `target_precision` are its, NaN in rows without one.
     """
-    counts, auprc, sensed, precision = array("q"), array("f"), array("f"), array("f")
+    counts, columns = array("q"), {name: array("f") for name in (*CURVES, *TARGET_CURVES)}
+    has_target = False
     for entry in entries:
         curves = entry["curves"]
-        sensed_here = curves.get("sensed_fraction", [])
-        counts.append(len(sensed_here))
-        sensed.extend(_floats(sensed_here))
-        auprc.extend(_floats(curves.get("auprc") or [None] * len(sensed_here)))
-        precision.extend(_floats(curves.get("precision") or [None] * len(RECALL_LEVELS)))
+        n_actions = len(curves.get("sensed_fraction", []))
+        counts.append(n_actions)
+        has_target |= "target_sensed_fraction" in curves
+        for name, column in columns.items():
+            length = len(RECALL_LEVELS) if name.endswith("precision") else n_actions
+            column.extend(_floats(curves.get(name) or [None] * length))
     count = np.asarray(counts, dtype=np.int64)
-    return {
-        "first": np.cumsum(count) - count,
-        "count": count,
-        "auprc": np.asarray(auprc, dtype=np.float32),
-        "sensed_fraction": np.asarray(sensed, dtype=np.float32),
-        "precision": np.asarray(precision, dtype=np.float32).reshape(-1, len(RECALL_LEVELS)),
-        "recall": RECALL_LEVELS,
-    }
+    arrays = {"first": np.cumsum(count) - count, "count": count}
+    for name in (*CURVES, *(TARGET_CURVES if has_target else ())):
+        values = np.asarray(columns[name], dtype=np.float32)
+        arrays[name] = values.reshape(-1, len(RECALL_LEVELS)) if name.endswith("precision") else values
+    return arrays | {"recall": RECALL_LEVELS}
 
 
 def _columns(rows: Iterator[Mapping[str, Any]]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import shlex
 import subprocess
@@ -10,39 +11,41 @@ from pathlib import Path
 
 import mujoco
 import pytest
+from page_commands import PAGES, ROOT, Command, all_commands, blocks, make_clone, provide_files
 
 from sim.cli import _parse, main
 from sim.options import EpisodeOptions
-from sim.scenarios import load_scenario
+from sim.scenarios import Scenario, load_scenario
 from sim.study_file import load_study
 from sim.trials_options import TrialsOptions
 from sim.world.arm import ArmModel
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 OTHER_PROGRAMS = {"pip", "dask", "sounding"}
 """Programs besides ours that a page may tell to run; those of a cluster need one."""
 
 
-def blocks(language: str) -> list[tuple[str, str]]:
+QUICK = ("inspect", "ik", "doctor")
+"""Commands that are run here as they are printed; `pytest -m slow tests/test_docs_commands.py` runs all."""
+
+
+def files(language: str) -> list[tuple[str, str]]:
     """Page and content of each block of a language."""
-    found = []
-    for page in PAGES:
-        texts = re.findall(
-            rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-        )
-        found += [(page.name, text) for text in texts]
-    return found
+    return [(page.name, text) for page in PAGES for text in blocks(page, language)]
 
 
 def lines() -> list[list[str]]:
     """The words of every line of every shell block, each once."""
-    words = [shlex.split(line, comments=True) for _, text in blocks("sh") for line in text.splitlines()]
-    return [list(line) for line in dict.fromkeys(tuple(line) for line in words if line)]
+    return [list(line) for line in dict.fromkeys(tuple(command.words) for command in all_commands())]
 
 
 def commands(program: str) -> list[list[str]]:
     return [line[1:] for line in lines() if Path(line[0]).name == program]
+
+
+def quick_commands() -> list[Command]:
+    """Those of `QUICK`, each once."""
+    quick = [each for each in all_commands() if len(each.words) > 1 and each.words[1] in QUICK]
+    return list({tuple(each.words): each for each in quick}.values())
 
 
 def test_every_block_is_of_a_kind_that_is_tested() -> None:
@@ -66,6 +69,15 @@ def test_every_command_is_understood(arguments: list[str]) -> None:
         options.check()
 
 
+@pytest.mark.parametrize("command", quick_commands(), ids=str)
+def test_a_quick_command_does_what_its_page_says(command: Command, tmp_path, monkeypatch, capsys) -> None:
+    folder = make_clone(tmp_path / "clone", command.page)
+    provide_files(folder, command)
+    monkeypatch.chdir(folder)
+    assert main(command.words[1:]) == 0
+    assert capsys.readouterr().err == ""
+
+
 def test_every_other_line_names_a_program_or_a_target_that_exists() -> None:
     for line in lines():
         if line[0] == "make":
@@ -76,7 +88,7 @@ def test_every_other_line_names_a_program_or_a_target_that_exists() -> None:
             assert Path(line[0]).name in OTHER_PROGRAMS, line
 
 
-@pytest.mark.parametrize(("page", "text"), blocks("toml"), ids=lambda each: each[:20])
+@pytest.mark.parametrize(("page", "text"), files("toml"), ids=lambda each: each[:20])
 def test_every_toml_file_loads(page: str, text: str, tmp_path) -> None:
     file = tmp_path / "file.toml"
     file.write_text(text)
@@ -86,18 +98,24 @@ def test_every_toml_file_loads(page: str, text: str, tmp_path) -> None:
         assert load_scenario(str(file)).name
 
 
-@pytest.mark.parametrize(("page", "text"), blocks("xml"), ids=lambda each: each[:20])
+def test_every_field_of_a_scenario_is_on_its_page() -> None:
+    page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([a-z_]+)`", "".join(re.findall(r"^\|([^|]*)\|", page, re.MULTILINE))))
+    assert named == {"base"} | {field.name for field in dataclasses.fields(Scenario)}
+
+
+@pytest.mark.parametrize(("page", "text"), files("xml"), ids=lambda each: each[:20])
 def test_every_arm_can_be_used(page: str, text: str, tmp_path) -> None:
     (tmp_path / "arm.xml").write_text(text)
     spec, home = ArmModel(path=tmp_path / "arm.xml").load()
-    assert spec.compile().nq == len(home) > 0
+    assert spec.compile().nq == len(home) >= 5  # three for the tip's place, two for its beam
     assert isinstance(spec, mujoco.MjSpec)
 
 
 def test_the_python_of_every_page_runs() -> None:
     for page in PAGES:
         names: dict[str, object] = {}
-        for _, text in (block for block in blocks("python") if block[0] == page.name):
+        for _, text in (block for block in files("python") if block[0] == page.name):
             exec(compile(text, page.name, "exec"), names)  # the pages' own code, from this repository
 
 

@@ -12,8 +12,9 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from planted_run import planted_run
-from scanned_ball import RADIUS_MM
+from scanned_ball import CENTRE_MM, RADIUS_MM
 from two_classes import CYSTS_MM, write_labels, write_meshes
 
 from mapping import HilbertMap, average_precision
@@ -22,16 +23,19 @@ from sim.carrier import FreeCarrier
 from sim.cli import main
 from sim.episode import Episode
 from sim.errors import UsageError
+from sim.figures import AMBER, BLUE, PURPLE, TargetCurves, draw_precision_recall, draw_progress
 from sim.finding_tables import finding_summary, write_finding_tables
 from sim.findings import find
 from sim.options import EpisodeOptions
 from sim.replay import read_recording
 from sim.report import write_report
 from sim.run import make_episode
+from sim.run_figures import draw_run_figures
 from sim.run_record import read_run
 from sim.scenarios import Scenario, load_scenario
 from sim.stage import Stage, build_stage, placed_organ
 from sim.trial import run_trial
+from sim.trial_tables import curve_arrays
 from sim.world.anatomy_files import AnatomyFiles, load_anatomy
 from sim.world.errors import VolumeError
 from sim.world.label_coding import LabelChoice
@@ -282,6 +286,104 @@ def test_a_trial_has_its_scores_in_the_row(case) -> None:
     assert result.row["status"] == "finished", result.row
     assert 0.0 <= result.row["target_sensed_fraction"] <= 1.0
     assert "target_auprc" not in result.row
+
+
+def test_distances_of_structures_to_it_stand_in_rows_that_name_it(case, tmp_path) -> None:
+    """A ball before the organ, 4 mm of it away: all distances are those between balls."""
+    vessel_mm, radius_mm = CENTRE_MM + np.array([0.0, -RADIUS_MM - 10.0, 0.0]), 6.0
+    vessel = trimesh.creation.icosphere(subdivisions=3, radius=radius_mm)
+    vessel.apply_translation(vessel_mm)
+    vessel.export(tmp_path / "vessel.stl")
+    shown = case.with_name("with_vessel.toml")
+    shown.write_text(case.read_text() + f'structure_files = ["{tmp_path / "vessel.stl"}"]\n')
+    arguments = ["--scenario", str(shown), "--steps", "2", "--seed", "2", "--arm", "none", "--no-report"]
+    assert main(["episode", *arguments, "--plan-for", "target", "--out", str(tmp_path / "run")]) == 0
+    rows = rows_of(tmp_path / "run" / "structures.csv")
+    tumours, cysts = [row for row in rows if row["tumour"]], [row for row in rows if row["target"]]
+    assert len(tumours) + len(cysts) == len(rows)
+    assert {row["target_name"] for row in tumours} == {""}
+    assert {row["target_name"] for row in cysts} == {"cysts"}
+    for true, (centre_mm, cyst_mm) in zip(
+        [row for row in cysts if row["target"] == "true"], CYSTS_MM, strict=True
+    ):
+        gap_mm = np.linalg.norm(vessel_mm - centre_mm) - radius_mm - cyst_mm
+        assert float(true["distance_m"]) * 1e3 == pytest.approx(gap_mm, abs=0.3)  # a facet's sagitta
+    mapped = [float(row["distance_m"]) for row in cysts if row["target"] == "mapped"]
+    assert mapped  # two actions see one of them at least
+    assert all(0.0 < each < 0.1 for each in mapped)
+
+
+def test_the_figures_show_it(run, both, tmp_path) -> None:
+    episode, steps = both
+    draw_run_figures(tmp_path, episode, steps)
+    names = {file.name for file in tmp_path.glob("*.png")}
+    assert names == {file.name for file in run.glob("*.png")}
+    assert {"map_target_top.png", "map_target_side.png"} < names
+    assert (tmp_path / "map_target_top.png").read_bytes() != (tmp_path / "map_top.png").read_bytes()
+    for name, colours in (("auprc.png", (PURPLE, AMBER)), ("precision_recall.png", (AMBER,))):
+        image = np.asarray(Image.open(tmp_path / name).convert("RGB")).astype(int)
+        for colour in (*colours, BLUE):
+            of = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+            assert (np.abs(image - of).max(axis=-1) <= 12).mean() > 1e-3, (name, colour)
+
+
+def test_figures_of_an_organ_without_tumours_still_show_it(tmp_path) -> None:
+    cysts = TargetCurves(
+        name="cysts", auprc=[0.2, 0.8], sensed_fraction=[0.4, 0.9], recall=[0, 1], precision=[1, 0.4]
+    )
+    nothing = [np.nan, np.nan]
+    draw_progress(tmp_path / "auprc.png", auprc=nothing, sensed_fraction=nothing, target=cysts)
+    draw_precision_recall(
+        tmp_path / "curve.png", recall=(), precision=(), auprc=None, prevalence=0.0, target=cysts
+    )
+    for name in ("auprc.png", "curve.png"):
+        image = np.asarray(Image.open(tmp_path / name).convert("RGB")).astype(int)
+        assert (np.abs(image - (0xE6, 0x9F, 0x00)).max(axis=-1) <= 12).mean() > 1e-3
+
+
+def test_a_campaign_keeps_its_curves_beside_rows_without_it(case, tmp_path) -> None:
+    alone = case.with_name("alone_in_campaign.toml")
+    alone.write_text("".join(line for line in case.read_text().splitlines(True) if "target" not in line))
+    study = tmp_path / "study.toml"
+    study.write_text(
+        f'[episode]\narm = "none"\nmotion = "none"\nmap-insets = "off"\nsteps = 2\n'
+        f'[axes]\nscenario = ["{alone}", "{case}"]\nplanner = ["random"]\nseed = [3]\n'
+    )
+    assert main(["trials", "--study", str(study), "--jobs", "1", "--out", str(tmp_path / "both")]) == 0
+    rows = rows_of(tmp_path / "both" / "trials.csv")
+    with np.load(tmp_path / "both" / "curves.npz") as file:
+        curves = dict(file)
+    assert curves["count"].tolist() == [2, 2]
+    without, having = (
+        slice(first, first + n) for first, n in zip(curves["first"], curves["count"], strict=True)
+    )
+    for name in ("target_auprc", "target_sensed_fraction"):
+        assert np.isnan(curves[name][without]).all()
+        assert curves[name][having][-1] == pytest.approx(float(rows[1][name]), abs=1e-5)
+    assert np.isnan(curves["target_precision"][0]).all()
+    assert curves["target_precision"].shape == curves["precision"].shape
+    # The area under the curve is between those of its steps at 50 levels of recall.
+    levels = curves["target_precision"][1]
+    assert abs(levels.mean() - float(rows[1]["target_auprc"])) < 0.02 + 1e-3
+
+
+def test_a_campaign_of_tumours_alone_has_no_curves_of_it() -> None:
+    entry = {"curves": {"sensed_fraction": [0.5], "auprc": [0.25], "precision": [0.1] * 50}}
+    assert set(curve_arrays(iter([entry]))) == {
+        *("first", "count", "auprc", "sensed_fraction", "precision", "recall")
+    }
+
+
+def test_a_campaign_notices_another_file_of_it(case, tmp_path, capsys) -> None:
+    for file in case.parent.glob("*.stl"):
+        shutil.copy(file, tmp_path)
+    scenario = Path(shutil.copy(case, tmp_path))
+    trials = ["trials", "--scenario", str(scenario), "--planner", "random", "--arm", "none", "--seeds", "0:1"]
+    trials += ["--steps", "1", "--map", "when-needed", "--jobs", "1", "--out", str(tmp_path / "campaign")]
+    assert main(trials) == 0
+    shutil.copy(tmp_path / "cyst_2.stl", tmp_path / "cyst_1.stl")
+    assert main(trials) == 2
+    assert "begun with another file" in capsys.readouterr().err
 
 
 def test_a_label_is_the_second_class_and_belongs_to_the_organ(tmp_path) -> None:

@@ -46,10 +46,9 @@ doctor:
 	@FRAMES=none sh .ci/setup
 	@.venv/bin/sounding doctor
 
-# One BLAS thread: the pools of numpy and scipy fight over the cores when both have more. A file of tests is one
-# process's, so that what its tests share is built once.
+# One BLAS thread: the pools of numpy and scipy fight over the cores when both have more.
 test: setup-dev
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(TESTS)
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n auto --maxprocesses 4 $(TESTS)
 
 check:
 	@FRAMES=none sh .ci/setup dev

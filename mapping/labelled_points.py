@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 _N_NEIGHBOURS = 8
 """Points asked, itself included, about a tumour label."""
@@ -40,7 +40,7 @@ class LabelledPoints:
         n = min(_N_NEIGHBOURS, len(self.points_m))
         _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType], the stubs know a number only
         n_called = self.is_occupied[nearest].sum(axis=1)
-        return occupied_m[binom.sf(n_called - 1, n, false_positive_rate) < _CHANCE]
+        return occupied_m[bdtrc(n_called - 1, n, false_positive_rate) < _CHANCE]
 
     @cached_property
     def _tree(self) -> KDTree:

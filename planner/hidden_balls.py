@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import KDTree
-from scipy.stats import qmc
 
 from mapping import LabelledPoints
 
@@ -25,7 +24,9 @@ from .keyed_array import KeyedArray
 from .workspace import Workspace
 
 _BALLS_AT_ONCE = 128
-"""Balls per block of the dense table, so that its parts stay in the processor's cache."""
+"""Balls per block of the dense table."""
+_BYTES_AT_ONCE = 2**19
+"""Of a part of a block, so that what is reckoned with it stays in the processor's cache."""
 _SPACINGS_TO_A_POINT = 1.0
 """A drawn centre farther from the search points than this many of their spacings lies outside the organ."""
 
@@ -128,6 +129,8 @@ def _draw(
     points_m: NDArray[np.float64], distance_m: NDArray[np.float64] | None, prior: BallPrior
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centres and radii of balls inside the organ, from a Halton sequence."""
+    from scipy.stats import qmc  # a third of a second, which only searches need wait for
+
     tree = KDTree(points_m)
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
     spacing_m = _spacing_m(tree)
@@ -166,10 +169,10 @@ def _finds(
     for start in range(0, len(centres_m), _BALLS_AT_ONCE):
         block = slice(start, start + _BALLS_AT_ONCE)
         gap_m = distance_to_cones(workspace, cone, centres_m[block])
-        rows.append(sparse.csr_matrix((gap_m <= reach_m[block, None]).astype(np.float32)))
+        rows.append(sparse.csr_matrix(gap_m <= reach_m[block, None]))
     if not rows:
         return sparse.csr_matrix((workspace.n_poses, 0), dtype=np.float32)
-    return sparse.vstack(rows).T.tocsr()
+    return sparse.vstack(rows).T.tocsr().astype(np.float32)
 
 
 def distance_to_cones(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -186,12 +189,21 @@ def distance_to_cones(workspace: Workspace, cone: Cone, points_m: NDArray[np.flo
     positions_m = (workspace.positions_m - centre_m).astype(np.float32)
     normals = workspace.normals.astype(np.float32)
     points = (points_m - centre_m).astype(np.float32)
-    axial_m = points @ normals.T - np.einsum("ij,ij->i", positions_m, normals)
+    axial_m = points @ normals.T
     squared = points @ (-2.0 * positions_m.T)
-    squared += np.einsum("ij,ij->i", points, points)[:, None]
-    squared += np.einsum("ij,ij->i", positions_m, positions_m)
-    squared -= axial_m**2
-    lateral_m = np.sqrt(np.maximum(squared, 0.0, out=squared), out=squared)
-    mantle_m = math.cos(cone.half_angle_rad) * lateral_m
-    mantle_m -= math.sin(cone.half_angle_rad) * axial_m
-    return np.maximum(mantle_m, axial_m - cone.depth_m)
+    foot_m = np.einsum("ij,ij->i", positions_m, normals)
+    squares = np.einsum("ij,ij->i", points, points)[:, None], np.einsum("ij,ij->i", positions_m, positions_m)
+    n_rows = max(1, _BYTES_AT_ONCE // max(axial_m[:1].nbytes, 1))
+    for start in range(0, len(points), n_rows):
+        rows = slice(start, start + n_rows)
+        axial, mantle = axial_m[rows], squared[rows]
+        axial -= foot_m
+        mantle += squares[0][rows]
+        mantle += squares[1]
+        mantle -= axial**2
+        np.sqrt(np.maximum(mantle, 0.0, out=mantle), out=mantle)
+        mantle *= math.cos(cone.half_angle_rad)
+        mantle -= math.sin(cone.half_angle_rad) * axial
+        axial -= cone.depth_m
+        np.maximum(mantle, axial, out=mantle)
+    return squared

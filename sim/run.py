@@ -21,7 +21,6 @@ from .motion import ProcedureStoppedError
 from .movers import make_mover
 from .options import EpisodeOptions
 from .recording import RunFolder
-from .run_figures import draw_run_figures
 from .run_files import run_config, write_map, write_step
 from .stage import Stage, build_stage
 from .structure_distances import distance_rows
@@ -149,6 +148,8 @@ class _Recording:
 
     def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
         """Write the last frame, the final map, the figures and the summary."""
+        from .run_figures import draw_run_figures  # see `_publish`
+
         folder, episode, tally = self._folder, self._episode, self._tally
         if self._options.frames == "last" and tally.steps:
             self._frames.draw("final.png", tally.steps[-1])

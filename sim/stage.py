@@ -27,7 +27,7 @@ from .world.scene import Scene, build_scene
 from .world.solid import Solid
 from .world.structures import Structure, is_pressable
 from .world.surface import SensingSurface, upper_surface_workspace
-from .world.surface_distance import SurfaceDistance
+from .world.surface_distance import surface_distance_of
 
 GRID_MARGIN_M = 0.002
 """The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
@@ -127,7 +127,7 @@ def build_stage(scenario: Scenario, arm: ArmModel | None, map_settings: MapSetti
         is_inside=is_inside,
         search_points_m=search_points_m,
         is_visible=visible_points(workspace, cone, search_points_m),
-        surface_distance_m=SurfaceDistance(organ).distance_m(search_points_m),
+        surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
         notices=notices,
     )
 

@@ -12,7 +12,7 @@ import trimesh
 
 from mapping import MapSettings
 from planner import Cone
-from sim.scenarios import SCENARIOS
+from sim.scenarios import SCENARIOS, Scenario
 from sim.stage import Stage, build_stage
 from sim.world.anatomy import Anatomy, build_anatomy
 from sim.world.arm import ArmModel
@@ -23,7 +23,57 @@ from sim.world.scene import Scene, build_scene
 from sim.world.solid import Solid
 
 ROOT = Path(__file__).resolve().parents[1]
+LONGEST = (
+    "test_campaign",
+    "test_cli",
+    "test_engines",
+    "test_report_browser",
+    "test_patients",
+    "test_second_target",
+    "test_report",
+    "test_shown_structures",
+    "test_liver_generator",
+    "test_reach",
+    "test_base_search",
+    "test_bad_arms",
+    "test_docs",
+    "test_replay",
+    "test_motion",
+)
+"""Files of tests that take longest, begun first, so that no process is left with one of them at the end."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config) -> None:
+    """Several processes get whole files: what a file's tests share is then built once, not in each process."""
+    if getattr(config.option, "dist", "no") == "load":
+        config.option.dist, config.option.loadscopereorder = "loadfile", False
+
+
+def pytest_collection_modifyitems(items) -> None:
+    """Put the longest files first."""
+    place = {name: i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(LONGEST)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def stages_are_built_once():
+    """Episodes on organs that the package brings share their stages, as the trials of a campaign do."""
+    built: dict[tuple[Scenario, bool, float], Stage] = {}
+
+    def shared(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Stage:
+        is_embedded = scenario in SCENARIOS.values() and arm in (None, ArmModel())
+        if not is_embedded:
+            return build_stage(scenario, arm, map_settings)
+        key = (scenario, arm is None, map_settings.hinge_spacing_m)
+        if key not in built:
+            built[key] = build_stage(scenario, arm, map_settings)
+        return built[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sim.run.build_stage", shared)
+        yield shared
 
 
 @pytest.fixture(scope="session")
@@ -73,15 +123,15 @@ def ball_anatomy() -> Anatomy:
 
 
 @pytest.fixture(scope="session")
-def sphere_stage() -> Stage:
+def sphere_stage(stages_are_built_once) -> Stage:
     """The paper's scenario 1 with a free-flying probe."""
-    return build_stage(SCENARIOS["sphere"], None, MapSettings())
+    return stages_are_built_once(SCENARIOS["sphere"], None, MapSettings())
 
 
 @pytest.fixture(scope="session")
-def sphere_arm_stage() -> Stage:
+def sphere_arm_stage(stages_are_built_once) -> Stage:
     """The paper's scenario 1 with the embedded arm."""
-    return build_stage(SCENARIOS["sphere"], ArmModel(), MapSettings())
+    return stages_are_built_once(SCENARIOS["sphere"], ArmModel(), MapSettings())
 
 
 @pytest.fixture(scope="session")

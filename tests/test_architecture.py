@@ -1,6 +1,7 @@
 """The layers: imports point one way, sim -> planner -> mapping, and the science never sees the simulator."""
 
 import ast
+import subprocess
 import sys
 from pathlib import Path
 
@@ -110,3 +111,11 @@ def test_an_init_file_re_exports_and_does_nothing_else(package):
     is_all = [isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__" for node in body]
     kinds = (ast.ImportFrom, ast.Import, ast.Expr)
     assert all(isinstance(node, kinds) or is_list for node, is_list in zip(body, is_all, strict=True))
+
+
+def test_a_worker_of_trials_starts_without_what_it_seldom_needs():
+    """Each of these takes a third of a second or more, in every process that a campaign starts."""
+    seldom = {"scipy.stats", "toppra", "matplotlib.pyplot", "sim.figures"}
+    code = f"import sys, sim.trial; print(*{seldom} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert run.stdout.split() == []

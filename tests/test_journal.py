@@ -99,7 +99,7 @@ def test_a_full_disk_leaves_whole_lines_alone(tmp_path) -> None:
         capture_output=True,
         text=True,
         preexec_fn=limit,
-        timeout=60,
+        timeout=300,
     )
     n_kept = int(run.stdout)
     lines = (tmp_path / "journal").read_bytes().splitlines(keepends=True)

@@ -49,7 +49,7 @@ FLAGS = ("--organ-label", "1", "--tumour-label", "2", "--keepout-label", "3")
 def run(scan):
     out = scan.parent / "run"
     files = ["episode", "--organ", str(scan), *FLAGS, "--keepout-mm", "6", "--organ-pose", "20", "-15", "70"]
-    assert main([*files, "--steps", "4", "--arm", "none", "--out", str(out)]) == 0
+    assert main([*files, "--steps", "2", "--arm", "none", "--out", str(out)]) == 0
     return out
 
 

@@ -114,6 +114,6 @@ else:
     print('rendered by', __import__('mujoco').rendering.classic.gl_context.GLContext)
 """
     env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "SOUNDING_GL", "MUJOCO_GL")}
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=env, timeout=60)
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=env, timeout=300)
     assert run.returncode == 0, run.stderr
     assert "apt-get install libegl1 libgl1" in run.stdout, run.stdout

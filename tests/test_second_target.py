@@ -408,6 +408,29 @@ def test_the_target_moves_with_the_organ(case) -> None:
     assert placed.targets[0].bounds_m.mean(axis=0) == pytest.approx(middle_m[:3], abs=2e-4)
 
 
+@pytest.fixture(scope="module")
+def bad_files(case, tmp_path_factory) -> dict[str, Path]:
+    """Files that the refused command lines below name."""
+    folder = tmp_path_factory.mktemp("bad")
+    far = trimesh.creation.icosphere(radius=8.0)
+    far.export(folder / "far.stl")
+    image = nibabel.load(write_labels(folder))
+    labels = np.asarray(image.dataobj).copy()
+    dust = np.argwhere(labels == 3)[0]
+    labels[labels == 3] = 1
+    labels[tuple(dust)] = 3
+    spacing = image.affine.copy()
+    spacing[:3, :3] /= 3.0  # voxels of 1 mm, of which one is noise
+    nibabel.save(nibabel.Nifti1Image(labels, spacing), folder / "dust.nii.gz")
+    return {
+        "organ": case.parent / "organ.stl",
+        "cyst": case.parent / "cyst_1.stl",
+        "far": folder / "far.stl",
+        "labels": folder / "case.nii.gz",
+        "dust": folder / "dust.nii.gz",
+    }
+
+
 @pytest.mark.parametrize(
     ("flags", "said"),
     [
@@ -422,24 +445,8 @@ def test_the_target_moves_with_the_organ(case) -> None:
         (["--organ", "{dust}", *LABELS, "--target-label", "3"], "nothing is left of the target class"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_remedy(case, tmp_path, capsys, flags, said) -> None:
-    far = trimesh.creation.icosphere(radius=8.0)
-    far.export(tmp_path / "far.stl")
-    image = nibabel.load(write_labels(tmp_path))
-    labels = np.asarray(image.dataobj).copy()
-    dust = np.argwhere(labels == 3)[0]
-    labels[labels == 3] = 1
-    labels[tuple(dust)] = 3
-    spacing = image.affine.copy()
-    spacing[:3, :3] /= 3.0  # voxels of 1 mm, of which one is noise
-    nibabel.save(nibabel.Nifti1Image(labels, spacing), tmp_path / "dust.nii.gz")
-    names = {"organ": case.parent / "organ.stl", "cyst": case.parent / "cyst_1.stl"}
-    names |= {
-        "far": tmp_path / "far.stl",
-        "labels": tmp_path / "case.nii.gz",
-        "dust": tmp_path / "dust.nii.gz",
-    }
-    asked = [flag.format(**names) for flag in flags]
+def test_what_cannot_be_is_refused_with_the_remedy(bad_files, tmp_path, capsys, flags, said) -> None:
+    asked = [flag.format(**bad_files) for flag in flags]
     assert main(["episode", *asked, "--arm", "none", "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert said in error

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .solid import Solid, check_points
-from .surface_distance import EXACT_BAND_M, SurfaceDistance, strewn_tree
+from .surface_distance import EXACT_BAND_M, strewn_tree, surface_distance_of
 
 FAR_SAMPLE_SPACING_M = 0.005
 """Spacing of the strewn points that nodes far from the surface are measured to [m]."""
@@ -98,7 +98,7 @@ def _node_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.
     """Distance [m] of every lattice node to the surface, shape (nx, ny, nz)."""
     distance = _far_distances_m(solid, nodes_m)
     is_near = distance < 1.5 * EXACT_BAND_M  # what was found may be too far by a few tenths of a millimetre
-    distance[is_near] = SurfaceDistance(solid).distance_to_triangles_m(nodes_m[is_near])
+    distance[is_near] = surface_distance_of(solid).distance_to_triangles_m(nodes_m[is_near])
     return distance
 
 

@@ -5,7 +5,8 @@ the ray towards +z: each triangle crossed on the way out counts +1, each crossed
 Solids that overlap themselves (two bodies in one file) are therefore their union.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import trimesh
@@ -29,7 +30,6 @@ class Solid:
 
     vertices_m: NDArray[np.float64]
     faces: NDArray[np.int64]
-    _crossings: VerticalCrossings = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Checks the arrays and freezes copies of them.
@@ -44,7 +44,6 @@ class Solid:
         faces.setflags(write=False)
         object.__setattr__(self, "vertices_m", vertices_m)
         object.__setattr__(self, "faces", faces)
-        object.__setattr__(self, "_crossings", VerticalCrossings(vertices_m, faces))
 
     @classmethod
     def from_trimesh(cls, mesh: trimesh.Trimesh) -> "Solid":
@@ -54,6 +53,11 @@ class Solid:
     def to_trimesh(self) -> trimesh.Trimesh:
         """The same surface as a writable trimesh object [m], vertex order kept."""
         return trimesh.Trimesh(self.vertices_m.copy(), self.faces.copy(), process=False)
+
+    @cached_property
+    def _crossings(self) -> VerticalCrossings:
+        """Made when first asked: a solid that is only drawn needs none."""
+        return VerticalCrossings(self.vertices_m, self.faces)
 
     @property
     def bounds_m(self) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ distance to these is exact (closest point of a triangle: Ericson, Real-Time Coll
 within r^2 / (2 d) of the truth, r being how far a surface point can be from the nearest strewn one.
 """
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,6 +80,12 @@ class SurfaceDistance:
         points = check_points(points_m)
         distance = self.distance_m(points)
         return np.where(self._solid.contains(points), -distance, distance)
+
+
+@lru_cache(maxsize=2)
+def surface_distance_of(solid: Solid) -> SurfaceDistance:
+    """The distance to a solid's surface, kept for when the same solid is asked about again."""
+    return SurfaceDistance(solid)
 
 
 def strew_points(solid: Solid, spacing_m: float) -> NDArray[np.float64]:

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from toppra import SplineInterpolator
-from toppra.algorithm import TOPPRA
-from toppra.constraint import Constraint, JointAccelerationConstraint, JointVelocityConstraint
-from toppra.interpolator import AbstractGeometricPath
 
 from .chain import Array, Chain
 from .errors import WorldError
 from .joint_limits import JointLimits
+
+if TYPE_CHECKING:  # it imports pyplot: a good half second that only arms which move need wait for
+    from toppra.constraint import Constraint
+    from toppra.interpolator import AbstractGeometricPath
 
 MIN_GRID_POINTS, GRID_POINTS_PER_KNOT = 36, 2
 """Points of a path at which toppra holds the limits; between them it exceeds them a little."""
@@ -74,6 +75,9 @@ class PathTimer:
         Raises:
             TimingError: toppra finds no motion along this curve.
         """
+        from toppra import SplineInterpolator
+        from toppra.algorithm import TOPPRA
+
         knots = curve.x
         q = curve(knots)
         if knots[-1] <= STILL:
@@ -99,6 +103,8 @@ class PathTimer:
 
     def _constraints(self, tip_speed_m_s: float) -> list[Constraint]:
         """The limits as toppra takes them, kept: it formats each as text when it is made, which takes its time."""
+        from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
+
         if tip_speed_m_s not in self._kept:
             speed = LIMIT_SHARE * np.append(self._limits.speed, tip_speed_m_s)
             acceleration = LIMIT_SHARE * np.append(self._limits.acceleration, TIP_ACCELERATION_M_S2)

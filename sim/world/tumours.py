@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .errors import PlantingError
 from .solid import Solid
-from .surface_distance import SurfaceDistance
+from .surface_distance import SurfaceDistance, surface_distance_of
 from .tumour_shapes import ball_shape, lobulated_shape
 
 Attainable = Callable[[NDArray[np.float64]], float]
@@ -155,7 +155,7 @@ def plant_lobulated(
             f"diameter_range_m={diameter_range_m} must ascend from above 0 and least_depth_m={least_depth_m} "
             "be at least 0"
         )
-    surface = SurfaceDistance(organ)
+    surface = surface_distance_of(organ)
 
     def is_deep(points_m: NDArray[np.float64]) -> bool:
         return bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
@@ -198,7 +198,7 @@ def plant_load(
     Returns:
         The tumours.
     """
-    surface = SurfaceDistance(organ)
+    surface = surface_distance_of(organ)
 
     def is_deep(points_m: NDArray[np.float64]) -> bool:
         return bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)

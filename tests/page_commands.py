@@ -78,16 +78,21 @@ class Command:
         return shlex.split(self.printed, comments=True)
 
     @property
+    def bare(self) -> str:
+        """The line without its comment."""
+        return re.split(r"\s#\s", self.printed)[0].strip()
+
+    @property
     def short(self) -> str:
         """The line that is run."""
-        line = self.printed.split("  #")[0].split(" # ")[0].strip()
+        line = self.bare
         for pattern, replacement in SHORTER:
             line = re.sub(pattern, replacement, line)
         return line
 
     @property
     def reason_to_skip(self) -> str | None:
-        return next((reason for pattern, reason in SKIPPED if re.search(pattern, self.printed)), None)
+        return next((reason for pattern, reason in SKIPPED if re.search(pattern, self.bare)), None)
 
     def __str__(self) -> str:
         return f"{self.page}: {' '.join(self.words)}"

@@ -56,7 +56,7 @@ def test_a_command_of_a_page_runs(command: Command, clone) -> None:
     if command.reason_to_skip:
         pytest.skip(command.reason_to_skip)
     for word, module in NEEDED:
-        if word in command.printed and importlib.util.find_spec(module) is None:
+        if word in command.bare and importlib.util.find_spec(module) is None:
             pytest.skip(f"needs the extra that brings {module}")
     folder = clone(command.page)
     provide_files(folder, command)

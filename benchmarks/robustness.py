@@ -2,28 +2,33 @@
 
 Variations of the paper's scenario 1 with a free probe. Every episode runs until the planner is 95 % confident that
 nothing of 8 mm radius or more is left (6 mm where the tumours are that small), or until its actions are used up. So
-one run tells both how soon 95 % was sensed and whether the episode ended too early.
+one run tells both how soon 95 % was sensed and whether the episode ended too early. Each episode is kept in `--out` as
+it ends; called again, the benchmark goes on where it was stopped. Begin another file after a change of the code.
 """
 
 from __future__ import annotations
 
 import math
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tyro
 from threadpoolctl import threadpool_limits
+from tqdm import tqdm
 
 from mapping import InsetSettings, MapSettings
 from planner import FindAndOutline
 from sim.comparison_tables import interval_text, table
 from sim.episode import Episode
 from sim.estimates import mean_estimate, share_interval
+from sim.journal import Entry, Journal
 from sim.scenarios import SCENARIOS
 from sim.stage import Stage, build_stage
+from sim.study import key_of
 from sim.world.probe import Reading
 
 SENSED = 0.95
@@ -72,6 +77,8 @@ class Options:
     """At which an episode ends."""
     jobs: int = 2
     """Processes."""
+    out: Path = Path("renders/robustness.jsonl")
+    """Where every episode is kept."""
     cases: tuple[int, ...] = tuple(range(len(CASES)))
     """Numbers of the cases to run."""
 
@@ -93,8 +100,14 @@ def _stage(number: int) -> Stage:
     return build_stage(scenario, None, MapSettings())
 
 
-def run_seed(number: int, seed: int, options: Options) -> tuple[float, int, float | None, bool]:
-    """Actions until 95 % was sensed (infinite for never), actions in all, share sensed, and whether it stopped."""
+def settings_of(number: int, seed: int, options: Options) -> dict[str, Any]:
+    """What an episode is known by."""
+    limits = {"steps": options.steps, "confidence": options.confidence}
+    return {"case": CASES[number].label, "seed": seed, **limits}
+
+
+def run_seed(number: int, seed: int, options: Options) -> Entry:
+    """An episode: actions until 95 % was sensed (None for never), actions in all, share sensed, whether it stopped."""
     case = CASES[number]
     told = {"false_positive_rate": case.noise, "false_negative_rate": case.noise} if case.is_told else {}
     with threadpool_limits(limits=1):
@@ -104,37 +117,50 @@ def run_seed(number: int, seed: int, options: Options) -> tuple[float, int, floa
             _stage(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
         )
         episode.noise = case.noise
-        sensings, sensed, n_steps = math.inf, None, 0
+        sensings, sensed, n_steps = None, None, 0
         for step in episode.steps(options.steps, until_confident=options.confidence):
             sensed, n_steps = step.sensed_fraction, step.step
-            if sensings == math.inf and (sensed or 0.0) >= SENSED:
+            if sensings is None and (sensed or 0.0) >= SENSED:
                 sensings = step.step
-        return sensings, n_steps, sensed, episode.confidence() >= options.confidence
+        has_stopped = episode.confidence() >= options.confidence
+    row = {"sensings": sensings, "n_steps": n_steps, "sensed_fraction": sensed, "has_stopped": has_stopped}
+    return {"settings": settings_of(number, seed, options), "row": {"status": "finished", **row}}
 
 
-def row(number: int, options: Options, pool: ProcessPoolExecutor) -> list[str]:
+def results(
+    number: int, options: Options, pool: ProcessPoolExecutor, journal: Journal
+) -> list[dict[str, Any]]:
+    """The episodes of a case, those that are not in the journal run first."""
+    seeds = range(options.first_seeds if number == 0 else options.seeds)
+    keys = {seed: key_of(settings_of(number, seed, options)) for seed in seeds}
+    jobs = [pool.submit(run_seed, number, seed, options) for seed in seeds if keys[seed] not in journal]
+    for job in tqdm(as_completed(jobs), total=len(jobs), desc=CASES[number].label, unit="episode"):
+        journal.append(job.result())
+    return [entry["row"] for entry in journal.entries(keys.values())]
+
+
+def table_row(number: int, rows: list[dict[str, Any]], options: Options) -> list[str]:
     """A case's line of the table."""
-    n = options.first_seeds if number == 0 else options.seeds
-    jobs = [pool.submit(run_seed, number, seed, options) for seed in range(n)]
-    results = [job.result() for job in jobs]
-    sensings = np.array([each[0] for each in results])
-    n_stopped = sum(each[3] for each in results)
-    ends = [each[1] for each in results if each[3]]
+    n, stopped = len(rows), [row for row in rows if row["has_stopped"]]
+    ends = [row["n_steps"] for row in stopped]
     end = f"{np.mean(ends):.0f} ({min(ends)}-{max(ends)})" if ends else "-"
-    if results[0][2] is None:
-        return [CASES[number].label, str(n), "-", "-", f"{n_stopped} of {n}", end, "-"]
-    capped = mean_estimate(np.minimum(sensings, options.steps))
-    n_early = sum(each[3] and (each[2] or 0.0) < SENSED for each in results)
+    if rows[0]["sensed_fraction"] is None:
+        return [CASES[number].label, str(n), "-", "-", f"{len(stopped)} of {n}", end, "-"]
+    sensings = [row["sensings"] for row in rows]
+    capped = mean_estimate(
+        np.array([options.steps if each is None else each for each in sensings], dtype=float)
+    )
+    n_early = sum(row["sensed_fraction"] < SENSED for row in stopped)
     early = "-"
-    if n_stopped:
-        low, high = share_interval(n_early / n_stopped, n_stopped)
+    if stopped:
+        low, high = share_interval(n_early / len(stopped), len(stopped))
         early = f"{n_early} [{low:.0%}, {high:.0%}]"
     return [
         CASES[number].label,
         str(n),
         f"{capped.mean:.1f} ± {capped.deviation:.1f} {interval_text(capped.interval, '{:.1f}')}",
-        f"{np.isinf(sensings).sum()}",
-        f"{n_stopped} of {n}",
+        f"{sensings.count(None)}",
+        f"{len(stopped)} of {n}",
         end,
         early,
     ]
@@ -144,9 +170,10 @@ def main(options: Options) -> None:
     """Run the cases and print the table."""
     head = ("case", "seeds", "sensings to 95 %", "never", "stopped by itself", "after (range)", "too early")
     rows = []
-    with ProcessPoolExecutor(options.jobs) as pool:
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(options.jobs) as pool, Journal(options.out) as journal:
         for number in options.cases:
-            rows.append(row(number, options, pool))
+            rows.append(table_row(number, results(number, options, pool, journal), options))
             print(" | ".join(rows[-1]), flush=True)
     print(table(head, rows))
 

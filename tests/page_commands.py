@@ -20,7 +20,7 @@ SHORTER = (
     (r"--steps \d+", "--steps 2"),
     ("--until-confident 0.95", "--until-confident 0.95 --steps 2"),
     ("--seed 7", "--seed 7 --steps 2"),
-    ("--study paper", "--study paper --seeds 4:5 --steps 2"),
+    ("--study paper", "--study paper --planner random --seeds 4:5 --steps 2"),
     (r"--seeds 5000:5100", "--seeds 5000:5001"),
     (r"--seeds 0:1000", "--seeds 0:1 --steps 2"),
     ("--base-search 200", "--base-search 10 --base-poses 50"),

@@ -122,7 +122,11 @@ def test_the_python_of_every_page_runs() -> None:
 def test_the_quick_start_runs_as_printed(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    printed = [shlex.split(line)[1:] for line in page.splitlines() if line.startswith(".venv/bin/sounding")]
+    printed = [
+        shlex.split(line, comments=True)[1:]
+        for line in page.splitlines()
+        if line.startswith(".venv/bin/sounding")
+    ]
     (episode,) = [line for line in printed if "renders/first" in line and line[0] == "episode"]
     (report,) = [line for line in printed if line[0] == "report"]
     assert main(episode) == 0

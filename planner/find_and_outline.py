@@ -9,6 +9,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mapping import Prediction
+
 from .errors import PlannerError
 from .fine_lattice import FineLattice, fine_lattice
 from .frontier import n_clusters, probability_at, seen_weight, sensed_points
@@ -177,16 +179,20 @@ class FindAndOutline(Planner):
         )
 
 
-def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:
+def _prediction(situation: Situation) -> Prediction:
     if situation.prediction is None:
         raise PlannerError("find-and-outline needs the map's prediction at the search points; got None")
-    return probability_at(lattice, situation.prediction)
+    return situation.prediction
+
+
+def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:
+    return probability_at(lattice, _prediction(situation))
 
 
 def _likely_m3(situation: Situation) -> float:
     """Volume where the map takes tumour to be likelier than not [m^3]."""
     lattice = fine_lattice(situation.search_points_m)
-    share = 0.0 if situation.prediction is None else float(np.mean(situation.prediction.score > 0.0))
+    share = float(np.mean(_prediction(situation).score > 0.0))
     return share * lattice.cell_m3 * len(lattice.points_m)
 
 

@@ -129,7 +129,7 @@ def _draw(
     points_m: NDArray[np.float64], distance_m: NDArray[np.float64] | None, prior: BallPrior
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centres and radii of balls inside the organ, from a Halton sequence."""
-    from scipy.stats import qmc  # a third of a second, which only searches need wait for
+    from scipy.stats import qmc  # slow to load, and only searches need it
 
     tree = KDTree(points_m)
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)

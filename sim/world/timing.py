@@ -16,7 +16,7 @@ from .chain import Array, Chain
 from .errors import WorldError
 from .joint_limits import JointLimits
 
-if TYPE_CHECKING:  # it imports pyplot: a good half second that only arms which move need wait for
+if TYPE_CHECKING:  # it imports pyplot, which is slow to load, and only arms that move need it
     from toppra.constraint import Constraint
     from toppra.interpolator import AbstractGeometricPath
 

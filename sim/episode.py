@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
@@ -139,7 +139,12 @@ class Episode:
         self.skipped: dict[int, SkippedPose] = {}
 
     def steps(
-        self, n_steps: int, *, until_sensed: float | None = None, until_confident: float | None = None
+        self,
+        n_steps: int,
+        *,
+        until_sensed: float | None = None,
+        until_confident: float | None = None,
+        on_skipped: Callable[[int], None] = lambda n_in_a_row: None,
     ) -> Iterator[Step]:
         """Sense until `n_steps` actions are done, a rule to stop is met, or no pose is left that the arm reaches.
 
@@ -147,10 +152,11 @@ class Episode:
             n_steps: Actions at most.
             until_sensed: Share of the detection points, of the class planned for, at which to stop; None for never.
             until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
+            on_skipped: Called with how many poses in a row are out of reach, whenever one more is.
         """
         self._predict()
         for number in range(1, n_steps + 1):
-            step = self._sense_once(number)
+            step = self._sense_once(number, on_skipped)
             if step is None:
                 return
             yield step
@@ -172,9 +178,9 @@ class Episode:
         """Scores of the present map against the truth."""
         return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_tumour)
 
-    def _sense_once(self, number: int) -> Step | None:
+    def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
         start_s = perf_counter()
-        chosen, skipped, ik_s, move_s = self._choose()
+        chosen, skipped, ik_s, move_s = self._choose(on_skipped)
         planned_s = perf_counter()
         if chosen is None:
             return None
@@ -204,7 +210,9 @@ class Episode:
             target=target,
         )
 
-    def _choose(self) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
+    def _choose(
+        self, on_skipped: Callable[[int], None]
+    ) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
         """Go to the first pose of the ranking that can be had; those skipped before it, seconds of IK and of motion.
 
         A pose without a way to it now has none later: the arm could go back to where it is today.
@@ -225,6 +233,7 @@ class Episode:
                 reason = motion.reason
             self.skipped[pose] = SkippedPose(pose, reason)
             skipped.append(self.skipped[pose])
+            on_skipped(len(skipped))
         return None, skipped, ik_s, move_s
 
     @property

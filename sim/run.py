@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from contextlib import ExitStack
+from functools import partial
 from time import perf_counter
-from typing import Any
+from typing import Any, NoReturn
 
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
@@ -28,6 +29,13 @@ from .tally import Tally, episode_summary
 from .trajectories import write_anatomy, write_motion
 from .world.arm import ArmModel
 from .world.rendering import SceneRenderer
+
+_MANY_SKIPPED = 100
+"""Poses in a row out of the arm's reach from which on that is worth a word."""
+_SKIPPED_NOTE = (
+    f"note: the arm reaches none of the {_MANY_SKIPPED} poses chosen last; still looking for one that it reaches. "
+    "`sounding reach` with the same --arm and --organ shows where there are any, --organ-pose best moves the organ."
+)
 
 
 def arm_model(options: EpisodeOptions) -> ArmModel | None:
@@ -111,6 +119,7 @@ class _Recording:
     ) -> None:
         self._options, self._folder, self._episode, self._frames = options, folder, episode, frames
         self._tally, self._status = Tally(), "finished"
+        self._has_told_of_reach = False
 
     def run(self, interrupt: NotedInterrupt, start_s: float, *, show_progress: bool) -> dict[str, Any]:
         """Sense until the end and return the summary; what began at `start_s` was the set-up until now."""
@@ -130,12 +139,15 @@ class _Recording:
 
     def _sense(self, interrupt: NotedInterrupt, *, show_progress: bool) -> None:
         options, draws_each = self._options, self._options.frames == "each"
-        steps = self._episode.steps(
-            options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
-        )
         with tqdm(
             total=options.steps, desc="sensing", unit="action", mininterval=0.5, disable=not show_progress
         ) as progress:
+            steps = self._episode.steps(
+                options.steps,
+                until_sensed=options.until_sensed,
+                until_confident=options.until_confident,
+                on_skipped=partial(self._tell_skipped, progress, interrupt),
+            )
             for step in steps:
                 self._tally.add(step)
                 write_step(self._folder, self._episode, step)
@@ -145,6 +157,17 @@ class _Recording:
                 progress.update()
                 if interrupt.is_set:
                     raise KeyboardInterrupt
+
+    def _tell_skipped(self, progress: tqdm[NoReturn], interrupt: NotedInterrupt, n_in_a_row: int) -> None:
+        """Say how the search for a pose within reach goes, which is long where there is hardly any."""
+        if interrupt.is_set:
+            raise KeyboardInterrupt
+        if n_in_a_row < _MANY_SKIPPED:
+            return
+        progress.set_postfix_str(f"{n_in_a_row} poses in a row out of reach")
+        if not (self._has_told_of_reach or progress.disable):
+            progress.write(_SKIPPED_NOTE, file=sys.stderr)
+        self._has_told_of_reach = True
 
     def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
         """Write the last frame, the final map, the figures and the summary."""

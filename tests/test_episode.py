@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ from sim.carrier import Carrier
 from sim.episode import Episode
 from sim.errors import UsageError
 from sim.options import EpisodeOptions
+from sim.run import run_episode
 from sim.stage import Stage
 from sim.world.ik_result import IkResult, IkStatus
 
@@ -122,10 +124,34 @@ def test_unreachable_poses_are_skipped_once_and_the_episode_ends_when_none_is_le
             return iter(pose for pose in range(8) if situation.available(exclude_sensed=True)[pose])
 
     stage = replace(sphere_stage, carrier=LameCarrier(sphere_stage.carrier, set(range(14_400)) - {0, 1, 5}))
-    episode, steps = run(stage, Listed(), n=20)
+    told: list[int] = []
+    episode = Episode(stage, Listed(), seed=0)
+    steps = list(episode.steps(20, on_skipped=told.append))
     assert [step.pose_index for step in steps] == [2, 3, 4, 6, 7]
+    assert told == [1, 2, 1]
     assert [skipped.pose_index for step in steps for skipped in step.skipped] == [0, 1, 5]
     assert "beyond the stretched arm" in episode.skipped[0].reason
+
+
+def test_a_long_search_for_a_pose_within_reach_says_so_and_can_be_stopped(sphere_stage, tmp_path, capsys):
+    options = EpisodeOptions(planner="random", arm="none", steps=3, frames="none", out=tmp_path / "run")
+    some = set(range(0, 14_400, 400))
+    stage = replace(sphere_stage, carrier=LameCarrier(sphere_stage.carrier, some))
+    assert run_episode(options, stage=stage)["n_skipped_poses"] > 100
+    said = capsys.readouterr().err
+    assert said.count("reaches none of the 100 poses chosen last") == 1
+    assert "sounding reach" in said
+
+    class Pressing(LameCarrier):
+        def reach(self, pose):
+            signal.raise_signal(signal.SIGINT)
+            return super().reach(pose)
+
+    stage = replace(sphere_stage, carrier=Pressing(sphere_stage.carrier, set()))
+    with pytest.raises(KeyboardInterrupt):
+        run_episode(replace(options, out=tmp_path / "stopped"), stage=stage)
+    assert len((tmp_path / "stopped" / "skipped.csv").read_text().splitlines()) <= 2
+    assert '"interrupted"' in (tmp_path / "stopped" / "manifest.json").read_text()
 
 
 def test_it_stops_when_enough_is_sensed(sphere_stage) -> None:

@@ -13,7 +13,7 @@ from mapping import Prediction
 
 from .errors import PlannerError
 from .fine_lattice import FineLattice, fine_lattice
-from .frontier import n_clusters, probability_at, seen_weight, times_sensed
+from .frontier import n_clusters, probability_at, seen_weight, sensed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls, still_hiding
 from .planner import Planner
 from .situation import Situation
@@ -25,10 +25,6 @@ _AFTER_FAILURE = 0.5
 """What such a pose's score is worth, for every failure near it."""
 _CANDIDATE_GAP_M = 0.02
 """Where ways count, the best pose of each cube of this side is looked at [m]."""
-_ENOUGH_LOOKS = 8
-"""What the map still doubts of a place in this many cones, one more does not settle."""
-_NO_WEIGHT = 0.01
-"""Places seen before that count less than this are left out, for speed."""
 _CLUSTER_GAP_M = 0.01
 """Likely tumour farther apart than about this counts as two tumours [m]."""
 _SURE_RADIUS_RATIO = 1.25
@@ -45,11 +41,9 @@ class FindAndOutline(Planner):
     """Unsensed places within this distance of likely tumour may belong to it [m]."""
     floor: float = 0.15
     """Least probability granted to such a place: the map's edges are not sharp enough to deny it."""
-    again: float = 0.1
-    """What another look at a sensed place settles, as a share of the map's doubt there: a reading is a sample."""
     least_gain_m3: float = 5e-8
     """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
-    hidden_m3: float = 1e-5
+    hidden_m3: float = 6e-6
     """Tumour volume that a search of the whole organ is expected to find [m^3]: weighs finding against outlining."""
     hidden_ratio: float = 1.0
     """What it is expected to find besides, as a share of the volume found so far: where much was, more may be."""
@@ -72,7 +66,7 @@ class FindAndOutline(Planner):
         for name in ("floor", "fading"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise PlannerError(f"{name} must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
-        for name in ("again", "hidden_ratio", "travel_weight"):
+        for name in ("hidden_ratio", "travel_weight"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise PlannerError(f"{name} must be 0 or above and finite, got {getattr(self, name)}")
         if not 1 <= self.batch <= MAX_STOPS:
@@ -134,9 +128,9 @@ class FindAndOutline(Planner):
         share = self.search_score(situation)
         if not situation.sensed:
             return self.hidden_m3 * share
-        seen_m3 = self._seen_m3(situation, self.again)
+        outlined_m3 = self.outline_score(situation)
         hidden_m3 = self.hidden_m3 + self.hidden_ratio * _likely_m3(situation)
-        return hidden_m3 * share + np.where(seen_m3 >= self.least_gain_m3, seen_m3, 0.0)
+        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
         """Share of what could still hide that each pose would find, shape (N,)."""
@@ -146,20 +140,14 @@ class FindAndOutline(Planner):
 
     def outline_score(self, situation: Situation) -> NDArray[np.float64]:
         """Tumour volume in and beside what was found that each pose would newly see [m^3], expected, shape (N,)."""
-        return self._seen_m3(situation, 0.0)
-
-    def _seen_m3(self, situation: Situation, again: float) -> NDArray[np.float64]:
-        """That volume, with a share of the doubt about places that were sensed before [m^3], shape (N,)."""
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = _probability(lattice, situation)
         around = lattice.near(_likely_tumour_m(lattice, probability, situation), self.margin_m)
-        points_m, likely = lattice.points_m[around], probability[around]
-        looks = times_sensed(workspace, cone, situation.sensed, points_m)
-        doubt = np.where(looks < _ENOUGH_LOOKS, np.minimum(likely, 1.0 - likely), 0.0)
-        weights = np.where(looks == 0, np.maximum(likely, self.floor), again * doubt)
-        counts = (looks == 0) | (weights > _NO_WEIGHT)
-        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[counts], weights[counts])
+        points_m = lattice.points_m[around]
+        is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
+        weights = np.maximum(probability[around], self.floor)[is_open]
+        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
 
     def confidence(self, situation: Situation) -> float:
         """Probability that no tumour of the radius or more is left to find; 0 while one is left to outline.

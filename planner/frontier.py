@@ -26,14 +26,14 @@ def probability_at(lattice: FineLattice, prediction: Prediction) -> NDArray[np.f
     return expit(lattice.interpolate(prediction.score))
 
 
-def times_sensed(
+def sensed_points(
     workspace: Workspace, cone: Cone, sensed: tuple[int, ...], points_m: NDArray[np.float64]
-) -> NDArray[np.intp]:
-    """In the cones of how many sensed poses each point lay, shape (F,)."""
+) -> NDArray[np.bool_]:
+    """Which points lay in the cone of a sensed pose, shape (F,)."""
     if not sensed or not len(points_m):
-        return np.zeros(len(points_m), dtype=np.intp)
+        return np.zeros(len(points_m), dtype=bool)
     some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
-    return np.asarray(visibility(some, cone, points_m).sum(axis=1))
+    return np.asarray(visibility(some, cone, points_m).any(axis=1))
 
 
 def seen_weight(

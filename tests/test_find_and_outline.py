@@ -128,28 +128,6 @@ def test_outlining_ends_when_all_of_it_and_its_margin_were_sensed():
     assert held[mean > 0].all()
 
 
-def test_where_the_map_doubts_it_looks_again_but_not_for_ever():
-    inside = np.linalg.norm(POINTS - [0.0, 0.0, -0.06], axis=1) < 0.02
-    unsure, sure = np.where(inside, 0.4, -6.0), np.where(inside, 6.0, -6.0)
-    planner = replace(PLANNER, hidden_m3=1e-15, hidden_ratio=0.0, least_gain_m3=1e-15)  # doubt alone counts
-    blank = situation(mean=unsure)
-    nearest = np.argsort(np.linalg.norm(blank.workspace.positions_m[:, :2], axis=1), kind="stable")
-    above = tuple(int(pose) for pose in nearest[:60])
-    covered = next(
-        n for n in range(1, 60) if not planner.outline_score(replace(blank, sensed=above[:n])).any()
-    )
-    asked = replace(blank, sensed=above[:covered])
-    best = int(np.argmax(planner.score(asked)))
-    seen = CONE.contains(POINTS, blank.workspace.positions_m[best], blank.workspace.normals[best])
-    assert (seen & inside).sum() > 0.1 * inside.sum()
-    doubt_m3 = 0.4 * 4 / 3 * np.pi * 0.02**3  # at most, of all of it
-    assert 0.05 * doubt_m3 < planner.score(asked)[best] / planner.again < doubt_m3
-    np.testing.assert_allclose(replace(planner, again=0.0).score(asked), 0.0, atol=1e-12)
-    assert planner.score(situation(mean=sure, sensed=asked.sensed)).max() < 0.7 * planner.score(asked).max()
-    often = replace(asked, sensed=asked.sensed * 8)
-    np.testing.assert_allclose(planner.score(often), 0.0, atol=1e-12)
-
-
 def test_two_labels_of_tumour_that_the_map_smooths_away_are_followed():
     graze_m = np.array([[0.05, 0.05, -0.07], [0.051, 0.05, -0.071]])
     free_m = np.random.default_rng(0).uniform([-0.02, -0.02, -0.08], [0.0, 0.0, -0.02], (500, 3))

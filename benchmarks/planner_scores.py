@@ -11,9 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from numpy.typing import NDArray
 
 from sim.comparison_tables import table
 from sim.trial_groups import TrialGroup, load_groups
+
+SENSED = 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +42,16 @@ def row(group: TrialGroup, at: tuple[int, ...]) -> list[str]:
         is_fixed = group.setting("until_sensed") is None
         values = curve[:, n - 1] if has_map and is_fixed else np.empty(0)
         cells.append(f"{values.mean():.3f} ± {values.std(ddof=1):.3f}" if values.size > 1 else "-")
+        cells.append(split(values, group.curve("sensed_fraction")[:, n - 1]) if values.size > 1 else "-")
     most = f"{sensings.max():.0f}" if np.isfinite(sensings).all() else "never"
     return [group.case, group.contender, str(len(group.entries)), *cells, most, f"{plan_ms:.1f}"]
+
+
+def split(values: NDArray[np.float64], sensed_fraction: NDArray[np.float64]) -> str:
+    """Means of the trials that sensed `SENSED` of the tumours or more, and of those that missed more, with numbers."""
+    is_sensed = sensed_fraction >= SENSED
+    parts = [values[mask] for mask in (is_sensed, ~is_sensed)]
+    return " / ".join(f"{part.mean():.3f} ({part.size})" if part.size else "- (0)" for part in parts)
 
 
 def main(options: Options) -> None:
@@ -50,7 +61,7 @@ def main(options: Options) -> None:
         "case",
         "contender",
         "trials",
-        *(f"AUPRC at {n}" for n in options.at),
+        *(head for n in options.at for head in (f"AUPRC at {n}", f"at {n}, 95 % sensed / less")),
         "most sensings",
         "plan [ms]",
     )

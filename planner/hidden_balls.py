@@ -103,13 +103,23 @@ def still_hiding(
         false_negative_rate: Share of tumour points that the sensor is believed to call free.
     """
     weights = balls.weights.astype(np.float64)
-    for is_occupied in (True, False):
-        points_m = [reading.points_m[reading.is_occupied == is_occupied] for reading in readings]
-        rate = 0.0 if is_occupied else false_negative_rate
-        if points_m and len(together_m := np.concatenate(points_m)):
-            tree = KDTree(together_m, balanced_tree=False, compact_nodes=False)  # quick to build, asked once
-            weights *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)
+    for reading in readings:
+        weights *= _left_by(balls, reading, false_negative_rate)
     return weights
+
+
+@lru_cache(maxsize=512)
+def _left_by(balls: HiddenBalls, reading: LabelledPoints, false_negative_rate: float) -> NDArray[np.float64]:
+    """What one reading leaves of each ball's weight, shape (B,); the same at every later action."""
+    left = np.ones(len(balls.radii_m))
+    for points_m, rate in (
+        (reading.points_m[reading.is_occupied], 0.0),
+        (reading.points_m[~reading.is_occupied], false_negative_rate),
+    ):
+        if len(points_m):
+            tree = KDTree(points_m, balanced_tree=False, compact_nodes=False)  # quick to build, asked once
+            left *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)
+    return left
 
 
 @lru_cache(maxsize=4)

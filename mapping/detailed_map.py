@@ -144,7 +144,7 @@ class DetailedMap:
         spacing_m = self._settings.hinge_spacing_m
         while True:
             hinges = Lattice.from_box(box.low_m - spacing_m, box.high_m + spacing_m, spacing_m=spacing_m)
-            if hinges.n_points <= self._settings.max_hinges:
+            if hinges.n_points <= self._settings.max_hinges or spacing_m >= coarse_m:
                 break
             spacing_m *= 1.1
         inside = self.coarse.query_box(box.low_m, box.high_m)

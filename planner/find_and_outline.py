@@ -52,7 +52,7 @@ class FindAndOutline(Planner):
     travel_weight: float = 0.0
     """How much a second of transfer counts against one of sensing: 0 for the fewest actions, more for shorter ways."""
     batch: int = 1
-    """Poses that the search chooses together and visits in the order of the shortest way."""
+    """Poses that the search chooses together at each action, to go to the first of the shortest way through them."""
     sure_radius_m: float = 0.008
     """Confidence that nothing is left speaks of tumours of this radius and more [m]."""
     balls: BallPrior = field(default_factory=BallPrior)
@@ -109,6 +109,8 @@ class FindAndOutline(Planner):
         chosen: list[int] = []
         for _ in range(min(self.batch, int(is_left.sum()))):
             score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
+            for failed in situation.skipped:
+                score[situation.workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
             score[~is_left] = -1.0
             score[chosen] = -1.0
             chosen.append(int(np.argmax(score)))
@@ -161,7 +163,9 @@ class FindAndOutline(Planner):
         range_m = (self.sure_radius_m, _SURE_RADIUS_RATIO * self.sure_radius_m)
         prior = replace(self.balls, radius_range_m=range_m, overlap_share=0.5, radius_power=0.0)
         balls = self._hidden(situation, prior)
-        hiding = still_hiding(balls, situation.readings, situation.false_negative_rate)
+        hiding = still_hiding(
+            balls, situation.readings, situation.false_negative_rate, situation.false_positive_rate
+        )
         is_left = situation.available(exclude_sensed=True)
         is_findable = (hiding < balls.weights) | (balls.finds.T @ is_left.astype(np.float32) > 0)
         share = 1.0 - hiding[is_findable].sum() / max(balls.weights[is_findable].sum(), 1e-30)

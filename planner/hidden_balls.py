@@ -27,6 +27,8 @@ _BALLS_AT_ONCE = 128
 """Balls per block of the dense table."""
 _BYTES_AT_ONCE = 2**19
 """Of a part of a block, so that what is reckoned with it stays in the processor's cache."""
+_READINGS_TOGETHER = 32
+"""Readings asked in one go, and remembered together."""
 _SPACINGS_TO_A_POINT = 1.0
 """A drawn centre farther from the search points than this many of their spacings lies outside the organ."""
 
@@ -90,32 +92,41 @@ def hidden_balls(
 
 
 def still_hiding(
-    balls: HiddenBalls, readings: Sequence[LabelledPoints], false_negative_rate: float
+    balls: HiddenBalls,
+    readings: Sequence[LabelledPoints],
+    false_negative_rate: float,
+    false_positive_rate: float = 0.0,
 ) -> NDArray[np.float64]:
     """What each ball counts in the light of the readings, shape (B,).
 
     A tumour calls the points inside it tumour, so each that was called free leaves the ball's weight times the rate of
-    false labels. A ball that holds a point called tumour is not hidden and counts nothing.
+    false labels. A ball that holds a point believed to be tumour is not hidden and counts nothing.
 
     Args:
         balls: The balls.
         readings: What each sensing action returned.
         false_negative_rate: Share of tumour points that the sensor is believed to call free.
+        false_positive_rate: Share of free points that the sensor is believed to call tumour.
     """
     weights = balls.weights.astype(np.float64)
-    for reading in readings:
-        weights *= _left_by(balls, reading, false_negative_rate)
+    for start in range(0, len(readings), _READINGS_TOGETHER):
+        some = tuple(readings[start : start + _READINGS_TOGETHER])
+        weights *= _left_by(balls, some, false_negative_rate, false_positive_rate)
     return weights
 
 
 @lru_cache(maxsize=512)
-def _left_by(balls: HiddenBalls, reading: LabelledPoints, false_negative_rate: float) -> NDArray[np.float64]:
-    """What one reading leaves of each ball's weight, shape (B,); the same at every later action."""
+def _left_by(
+    balls: HiddenBalls,
+    readings: tuple[LabelledPoints, ...],
+    false_negative_rate: float,
+    false_positive_rate: float,
+) -> NDArray[np.float64]:
+    """What some readings leave of each ball's weight, shape (B,); kept, since it is asked again after every action."""
     left = np.ones(len(balls.radii_m))
-    for points_m, rate in (
-        (reading.points_m[reading.is_occupied], 0.0),
-        (reading.points_m[~reading.is_occupied], false_negative_rate),
-    ):
+    free_m = [reading.points_m[~reading.is_occupied] for reading in readings]
+    tumour_m = [reading.believed_tumour_m(false_positive_rate) for reading in readings]
+    for points_m, rate in ((np.concatenate(tumour_m), 0.0), (np.concatenate(free_m), false_negative_rate)):
         if len(points_m):
             tree = KDTree(points_m, balanced_tree=False, compact_nodes=False)  # quick to build, asked once
             left *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)

@@ -153,10 +153,11 @@ class EpisodeOptions:
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
     travel_weight: float = 0.0
-    """Of find-and-outline: how much a second of transfer counts against one of sensing. 0 asks for the fewest actions,
-    10 for far shorter ways."""
+    """Of find-and-outline: how much a second of transfer counts against one of sensing. 0 asks for the fewest actions;
+    docs/results.md has what more comes to."""
     batch: int = 1
-    """Of find-and-outline: poses that its search chooses together and visits in the order of the shortest way."""
+    """Of find-and-outline: poses that its search chooses together at each action, going to the first on the shortest
+    way through them."""
     sure_radius_mm: float = 8.0
     """Of find-and-outline: its confidence, and so --until-confident, speaks of tumours of this radius and more [mm]."""
     ei_values: Literal["latent", "probability"] = "latent"

@@ -126,8 +126,9 @@ def test_two_tumours_get_a_box_each_and_one_box_when_labels_join_them():
     assert len(detailed.boxes) == 1
 
 
-def test_a_box_too_large_for_finer_hinges_is_left_to_the_coarse_map():
-    detailed = DetailedMap(make_coarse(), InsetSettings(max_hinges=50))
+@pytest.mark.parametrize("max_hinges", [1, 50])
+def test_a_box_too_large_for_finer_hinges_is_left_to_the_coarse_map(max_hinges):
+    detailed = DetailedMap(make_coarse(), InsetSettings(max_hinges=max_hinges))
     detailed.update(*reading(np.random.default_rng(4)))
     assert detailed.boxes == []
     assert detailed.n_weights == detailed.coarse.n_weights

@@ -240,6 +240,18 @@ def test_a_ball_hides_where_no_point_was_called_free_or_tumour_inside_it():
     assert still_hiding(balls, free, 0.3)[ball] == pytest.approx(balls.weights[ball] * 0.3**2)
     found = (LabelledPoints(inside_m, np.array([True, False, False])),)
     assert still_hiding(balls, found, 0.3)[ball] == 0.0
+    many = free * 70  # more than are asked together
+    assert still_hiding(balls, many, 0.9)[ball] == pytest.approx(balls.weights[ball] * 0.9**140)
+
+
+def test_a_label_that_chance_explains_does_not_show_that_a_ball_was_found():
+    balls = hidden_balls(flat_workspace(), CONE, POINTS, None, FEW)
+    ball = int(np.argmax(balls.radii_m))
+    free_m = balls.centres_m[ball] + balls.radii_m[ball] * np.array([[2.0, 0, 0]]) + np.zeros((200, 3))
+    points_m = np.vstack([balls.centres_m[ball], free_m])
+    reading = (LabelledPoints(points_m, np.arange(201) == 0),)
+    assert still_hiding(balls, reading, 0.0, 0.0)[ball] == 0.0
+    assert still_hiding(balls, reading, 0.0, 0.05)[ball] == pytest.approx(balls.weights[ball])
 
 
 def test_without_a_tumour_it_becomes_sure_and_with_an_open_one_it_is_not():

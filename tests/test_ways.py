@@ -47,17 +47,20 @@ def test_seconds_of_motion_decide_between_poses_of_one_worth():
     assert not slow_side[first].any()
 
 
-def test_a_batch_is_the_greedy_choice_in_the_order_of_the_shortest_way():
-    workspace = flat_workspace()
-    asked = situation(workspace=workspace, sensed=(90,))
+@pytest.mark.parametrize("has_failures", [False, True])
+def test_a_batch_is_the_greedy_choice_in_the_order_of_the_shortest_way(has_failures):
+    workspace = flat_workspace(30)  # 6 mm apart
+    beside = np.flatnonzero(workspace.positions_m[:, 0] > 0.0)
+    skipped = frozenset(beside[::2].tolist() if has_failures else ())
+    asked = situation(workspace=workspace, sensed=(90,), skipped=skipped)
     greedy, sensed = [], [90]
     for _ in range(4):
-        greedy.append(
-            next(iter(FindAndOutline(balls=FEW).rank(situation(workspace=workspace, sensed=tuple(sensed)))))
-        )
+        so_far = situation(workspace=workspace, sensed=tuple(sensed), skipped=skipped)
+        greedy.append(next(iter(FindAndOutline(balls=FEW).rank(so_far))))
         sensed.append(greedy[-1])
     batch = list(itertools.islice(FindAndOutline(balls=FEW, batch=4).rank(asked), 4))
     assert sorted(batch) == sorted(greedy)
+    assert has_failures != any(pose in beside for pose in batch)
 
     def way_m(order):
         return np.linalg.norm(np.diff(workspace.positions_m[[90, *order]], axis=0), axis=1).sum()

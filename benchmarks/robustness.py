@@ -84,7 +84,7 @@ class Options:
 
 
 class NoisyEpisode(Episode):
-    """An episode whose sensor gets a share of its labels wrong."""
+    """An episode whose sensor gets a share of its labels wrong, drawn for in any case: its readings are not a trial's."""
 
     noise = 0.0
 

@@ -18,7 +18,7 @@ SHORTER = (
     ("make episode", "make episode STEPS=2"),
     ("make test", "make test TESTS=tests/test_cone.py"),
     (r"--steps \d+", "--steps 2"),
-    ("--until-confident 0.95", "--until-confident 0.95 --steps 2"),
+    ("--until-confident 0.95 --steps 400", "--until-confident 0.95 --steps 2"),
     ("--seed 7", "--seed 7 --steps 2"),
     ("--study paper", "--study paper --planner random --seeds 4:5 --steps 2"),
     (r"--seeds 5000:5100", "--seeds 5000:5001"),

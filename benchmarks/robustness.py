@@ -84,7 +84,7 @@ class Options:
 
 
 class NoisyEpisode(Episode):
-    """An episode whose sensor gets a share of its labels wrong, drawn for in any case: its readings are not a trial's."""
+    """An episode whose sensor gets a share of its labels wrong, drawn even of none: not a trial's readings."""
 
     noise = 0.0
 

@@ -21,6 +21,7 @@ from .coordinates import ReadingCoordinates, reading_coordinates
 from .covariance import DenseCovariance
 from .kernel import HingeFeatures
 from .lattice import Lattice
+from .likelihood import bound_curvature
 from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
 from .samples import WeightSamples
 from .settings import MapSettings
@@ -86,7 +87,10 @@ class FullBelief(Belief):
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
     ) -> LearningReport:
         """Takes in a reading; see the module for the formulas."""
-        coordinates = self._coordinates(points_m, offset)
+        reduction = self._reduce(points_m)
+        if not reduction.hinges.size:  # the reading lies beyond all hinges
+            return LearningReport(0, 0, bound_curvature(offset))
+        coordinates = self._coordinates(reduction, offset)
         reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
         moves = None if self._samples is None else self._samples.learn(coordinates, reading)
         Z = self._shrinkage_root(reading.cholesky)
@@ -98,7 +102,7 @@ class FullBelief(Belief):
         """Fits every reading anew, with xi from all that is known now, oldest first."""
         largest, n_rounds = 0.0, self._settings.n_em_iterations
         for number, held in enumerate(self.held):
-            now = self._coordinates(held.points_m, held.offset)
+            now = self._coordinates(self._reduce(held.points_m), held.offset)
             change = refit_reading(now.mean, now.basis, held.log_odds, held.curvature, held.labels, n_rounds)
             moves = None if self._samples is None else self._samples.revise(now, change)
             fall, rise = (change.root(sign, self._smallest_share()) for sign in (1.0, -1.0))
@@ -154,8 +158,7 @@ class FullBelief(Belief):
             local = reduce_exactly(factors, weights >= 0)
         return replace(local, hinges=weights[local.hinges])
 
-    def _coordinates(self, points_m: NDArray[np.float64], offset: NDArray[np.float64]) -> ReadingCoordinates:
-        reduction = self._reduce(points_m)
+    def _coordinates(self, reduction: Reduction, offset: NDArray[np.float64]) -> ReadingCoordinates:
         prior_mean = offset + reduction.at_points(reduction.directions @ self.mean[reduction.hinges])
         covariance = self.covariance.inner(reduction.directions, reduction.hinges)
         tolerance = _ROOT_TOLERANCE * self._settings.tolerance

@@ -150,7 +150,8 @@ def box_indices(box: Box, shape: tuple[int, int, int]) -> NDArray[np.intp]:
 def outer_features(factors: AxisFeatures) -> NDArray[np.float64]:
     """Returns the features of N points, shape (N, n_x n_y n_z), from their factors along the axes (eq. 1)."""
     xy = factors.x[:, :, None] * factors.y[:, None, :]
-    return (xy[:, :, :, None] * factors.z[:, None, None, :]).reshape(len(factors.x), -1)
+    features = xy[:, :, :, None] * factors.z[:, None, None, :]
+    return features.reshape(len(features), int(np.prod(features.shape[1:])))
 
 
 def feature_products(factors: AxisFeatures, others: AxisFeatures) -> NDArray[np.float64]:

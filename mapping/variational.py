@@ -139,7 +139,9 @@ def fit_reading(
     (invert_triangle,) = get_lapack_funcs(("trtri",), (basis,))
     (multiply_triangle,) = get_blas_funcs(("trmm",), (basis,))
     for _ in range(n_iterations - 1):
-        inverse, _ = invert_triangle(posterior.cholesky, lower=True)
+        inverse = posterior.cholesky
+        if basis.shape[1]:  # LAPACK complains aloud of an empty matrix
+            inverse, _ = invert_triangle(inverse, lower=True)
         spread = multiply_triangle(1.0, inverse, basis.T, lower=True)
         mean = prior_mean + basis @ posterior.mean
         # xi^2 = phi Sigma' phi + (b + phi . mu')^2

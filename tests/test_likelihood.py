@@ -99,3 +99,19 @@ def test_knowing_the_error_rates_beats_not_knowing_them():
     for measure, sign in (("auprc", 1), ("log_loss", -1)):
         ignorant, informed = (np.mean([getattr(s, measure) for s in scores[rate]]) for rate in (0.0, 0.05))
         assert sign * (informed - ignorant) > 0, measure
+
+
+@pytest.mark.parametrize("form", ["full", "local", "diagonal"])
+@pytest.mark.parametrize("tolerance", [0.0, 3e-6])
+@pytest.mark.parametrize("away_m", [0.12, 0.5])
+def test_a_reading_beyond_all_hinges_teaches_nothing_and_says_nothing(form, tolerance, away_m, capfd):
+    lattice = Lattice.from_box(np.zeros(3), np.full(3, 0.05), spacing_m=0.01)
+    hilbert_map = HilbertMap(lattice, MapSettings(form=form, tolerance=tolerance))
+    before = hilbert_map.predict(lattice.points_m())
+    report = hilbert_map.update(np.full((3, 3), away_m), np.array([True, False, True]))
+    after = hilbert_map.predict(lattice.points_m())
+    assert (report.n_points, report.n_occupied, len(report.curvature)) == (3, 2, 3)
+    np.testing.assert_allclose(after.latent_mean, before.latent_mean, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(after.latent_variance, before.latent_variance, rtol=1e-9)
+    hilbert_map.update(np.full((3, 3), 0.02), np.array([True, False, True]))
+    assert capfd.readouterr() == ("", "")

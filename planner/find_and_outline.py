@@ -80,8 +80,7 @@ class FindAndOutline(Planner):
         workspace = situation.workspace
         is_left = situation.available(exclude_sensed=True)
         score = self.score(situation)
-        for failed in situation.skipped:
-            score[workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
+        _heed_failures(score, situation)
         score[~is_left] = -1.0
         by_way = iter(self._by_way(situation, score))
         for _ in range(int(is_left.sum())):
@@ -109,8 +108,7 @@ class FindAndOutline(Planner):
         chosen: list[int] = []
         for _ in range(min(self.batch, int(is_left.sum()))):
             score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
-            for failed in situation.skipped:
-                score[situation.workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
+            _heed_failures(score, situation)
             score[~is_left] = -1.0
             score[chosen] = -1.0
             chosen.append(int(np.argmax(score)))
@@ -181,6 +179,12 @@ class FindAndOutline(Planner):
             situation.surface_distance_m,
             prior or self.balls,
         )
+
+
+def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
+    """Lower the scores, in place, of poses near those that the arm failed to reach."""
+    for failed in situation.skipped:
+        score[situation.workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
 
 
 def _prediction(situation: Situation) -> Prediction:

@@ -27,7 +27,7 @@ _BALLS_AT_ONCE = 128
 """Balls per block of the dense table."""
 _BYTES_AT_ONCE = 2**19
 """Of a part of a block, so that what is reckoned with it stays in the processor's cache."""
-_READINGS_TOGETHER = 32
+_READINGS_TOGETHER = 8
 """Readings asked in one go, and remembered together."""
 _SPACINGS_TO_A_POINT = 1.0
 """A drawn centre farther from the search points than this many of their spacings lies outside the organ."""

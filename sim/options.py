@@ -156,8 +156,7 @@ class EpisodeOptions:
     """Of find-and-outline: how much a second of transfer counts against one of sensing. 0 asks for the fewest actions;
     docs/results.md has what more comes to."""
     batch: int = 1
-    """Of find-and-outline: poses that its search chooses together at each action, going to the first on the shortest
-    way through them."""
+    """Of find-and-outline: poses its search chooses together, taking the first on the shortest way through them."""
     sure_radius_mm: float = 8.0
     """Of find-and-outline: its confidence, and so --until-confident, speaks of tumours of this radius and more [mm]."""
     ei_values: Literal["latent", "probability"] = "latent"

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import KDTree
 
 from planner import Workspace
 from sim.carrier import FreeCarrier
@@ -67,6 +68,36 @@ def test_points_are_even_in_volume(sensing, cone) -> None:
     radius_m = np.linalg.norm(reading.points_m[:, :2] - POSES.positions_m[0][:2], axis=1)
     slope = np.sort((radius_m / (depth_m * np.tan(cone.half_angle_rad))) ** 2)
     assert np.abs(slope - even).max() < 0.01
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_gaps_between_the_points(sensing, cone, seed: int) -> None:
+    """A ball in which five points or more are expected holds some, wherever in the cone; random ones vary more."""
+    reading = sensing(0, seed)
+    rng = np.random.default_rng(seed)
+    n_full = 10.0
+    radius_m = (n_full / 1000 * cone.volume_m3 * 3.0 / (4.0 * np.pi)) ** (1 / 3)
+    depth_m = cone.depth_m * np.cbrt(rng.uniform(0.05, 1.0, 2000))
+    off_m = depth_m * np.tan(cone.half_angle_rad) * np.sqrt(rng.uniform(size=2000))
+    angle_rad = rng.uniform(0.0, 2.0 * np.pi, 2000)
+    centres_m = np.column_stack([off_m * np.cos(angle_rad), off_m * np.sin(angle_rad), depth_m])
+    in_probe_m = (reading.points_m - reading.T_world_probe[:3, 3]) @ reading.T_world_probe[:3, :3]
+    n_held = KDTree(in_probe_m).query_ball_point(centres_m, radius_m, return_length=True)
+    expected = n_full * _share_in_cone(cone, centres_m, radius_m, rng)
+    is_full = expected > 0.5 * n_full
+    assert is_full.sum() > 1000
+    assert n_held[is_full].min() > 0
+    spread = np.std(n_held[is_full] / expected[is_full])
+    assert spread < 0.9 / np.sqrt(expected[is_full].mean())  # 1 / sqrt for points drawn at random
+
+
+def _share_in_cone(cone, centres_m: np.ndarray, radius_m: float, rng: np.random.Generator) -> np.ndarray:
+    """Share of each ball that lies in the cone, by drawn points."""
+    draws = rng.normal(size=(500, 3))
+    draws *= (radius_m * np.cbrt(rng.uniform(size=500)) / np.linalg.norm(draws, axis=1))[:, None]
+    points = centres_m[:, None] + draws
+    inside = np.linalg.norm(points[..., :2], axis=2) <= points[..., 2] * np.tan(cone.half_angle_rad)
+    return (inside & (points[..., 2] <= cone.depth_m)).mean(axis=1)
 
 
 def test_about_a_thousand_points_by_default_and_the_same_for_a_seed(sensing) -> None:

@@ -24,7 +24,9 @@ RAY_RESTART_M = 1e-7
 MAX_CROSSINGS = 64
 """A ray that crosses more surfaces than this is caught in degenerate geometry."""
 GOLDEN_ANGLE_RAD = np.pi * (3.0 - np.sqrt(5.0))
-GOLDEN_FRACTION = (np.sqrt(5.0) - 1.0) / 2.0
+DEPTH_FRACTION = np.sqrt(3.0) - 1.0
+"""Shifts the points along one ray against those of the last; not a multiple of the golden ratio, or else the depth of
+a point would follow from its angle about the beam and all points would lie on one winding sheet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +111,7 @@ class Probe:
         i = np.arange(n_rays)
         turn = GOLDEN_ANGLE_RAD * i + rng.uniform(0.0, 2.0 * np.pi)
         slope = np.tan(self._cone.half_angle_rad) * np.sqrt((i + 0.5) / n_rays)
-        offset = (i * GOLDEN_FRACTION + rng.uniform()) % 1.0
+        offset = (i * DEPTH_FRACTION + rng.uniform()) % 1.0
         share = (np.arange(n_points) + offset[:, None]) / n_points
         depth_m = self._cone.depth_m * np.cbrt(share)
         directions = np.column_stack([slope * np.cos(turn), slope * np.sin(turn), np.ones(n_rays)])

@@ -8,12 +8,19 @@ import numpy as np
 import trimesh
 from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, TUMOUR_RADIUS_MM, ball_labels, grid, save_nifti
 
+from sim.episode import Episode
+from sim.options import EpisodeOptions
+from sim.run import make_episode
+from sim.stage import Stage, build_stage
+
 CYSTS_MM = (
     (CENTRE_MM + np.array([-20.0, -10.0, -8.0]), 10.0),
     (CENTRE_MM + np.array([0.0, -12.0, 24.0]), 8.0),
 )
 """Middle, LPS, and radius of each; the front, where the probe comes from, is at -y."""
 CYST_LABEL = 3
+N_ACTIONS = 4
+"""Of an episode on it."""
 
 
 def write_meshes(folder: Path) -> Path:
@@ -42,3 +49,21 @@ def write_labels(folder: Path) -> Path:
     for centre_mm, radius_mm in CYSTS_MM:
         labels[np.linalg.norm(points_mm - centre_mm, axis=-1) < radius_mm] = CYST_LABEL
     return save_nifti(folder / "case.nii.gz", labels, T)
+
+
+def options(scenario: Path, **changes) -> EpisodeOptions:
+    """Of a quick episode."""
+    quick: dict = {"arm": "none", "motion": "none", "steps": N_ACTIONS, "seed": 2, "map_insets": "off"}
+    return EpisodeOptions(scenario=str(scenario), **(quick | changes))
+
+
+def sensed(asked: EpisodeOptions, stage: Stage) -> tuple[Episode, list]:
+    """An episode after its steps, and these."""
+    episode = make_episode(asked, stage)
+    return episode, list(episode.steps(N_ACTIONS))
+
+
+def stage_of(case: Path) -> Stage:
+    """The case's stage, with a free probe."""
+    asked = options(case)
+    return build_stage(asked.make_scenario(), None, asked.make_map_settings())

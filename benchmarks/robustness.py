@@ -32,6 +32,8 @@ from sim.study import key_of
 from sim.world.probe import Reading
 
 SENSED = 0.95
+NOISE_STREAM = 1
+"""Keeps the wrong labels apart from all else that a seed draws."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +86,14 @@ class Options:
 
 
 class NoisyEpisode(Episode):
-    """An episode whose sensor gets a share of its labels wrong, drawn even of none: not a trial's readings."""
+    """An episode whose sensor gets a share of its labels wrong; where those fall has a stream of its own."""
 
     noise = 0.0
+    noise_rng = np.random.default_rng(0)
 
     def _read(self) -> Reading:
         reading = super()._read()
-        is_wrong = self._sensor_rng.random(len(reading.is_occupied)) < self.noise
+        is_wrong = self.noise_rng.random(len(reading.is_occupied)) < self.noise
         return replace(reading, is_occupied=reading.is_occupied ^ is_wrong)
 
 
@@ -116,7 +119,7 @@ def run_seed(number: int, seed: int, options: Options) -> Entry:
         episode = NoisyEpisode(
             _stage(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
         )
-        episode.noise = case.noise
+        episode.noise, episode.noise_rng = case.noise, np.random.default_rng((seed, NOISE_STREAM))
         sensings, sensed, n_steps = None, None, 0
         for step in episode.steps(options.steps, until_confident=options.confidence):
             sensed, n_steps = step.sensed_fraction, step.step

@@ -29,7 +29,7 @@ LONGEST = (
     "test_engines",
     "test_report_browser",
     "test_patients",
-    "test_second_target",
+    "test_second_target_outputs",
     "test_report",
     "test_shown_structures",
     "test_liver_generator",

@@ -35,10 +35,10 @@ from mapping import (
     log_loss,
 )
 from planner import make_planner
-from sim.episode import Episode
-from sim.scenarios import load_scenario
-from sim.stage import Stage, build_stage
-from sim.world.probe import Reading
+from sim.episode.episode import Episode
+from sim.episode.scenario import load_scenario
+from sim.episode.setup import Setup, build_setup
+from sim.world.sensing.probe import Reading
 
 PLANNERS = ("random", "expected-improvement")
 
@@ -64,25 +64,25 @@ Choice = tuple[MapSettings, InsetSettings | None]
 
 def collect(planner: str, seeds: range, n_readings: int, settings: list[Choice]) -> list[Answers]:
     """The answers of each setting, all from the same readings."""
-    stage = build_stage(load_scenario("spheres"), None, MapSettings.paper())
+    setup = build_setup(load_scenario("spheres"), None, MapSettings.paper())
     logits, truths = [[] for _ in settings], []
     for seed in seeds:
         chooser = make_planner(planner)
         episode = Episode(
-            stage, chooser, seed=seed, map_settings=MapSettings.paper(), has_map=chooser.needs_belief
+            setup, chooser, seed=seed, map_settings=MapSettings.paper(), has_map=chooser.needs_belief
         )
         readings = [step.reading for step in episode.steps(n_readings)]
         truths.append(episode.truth.is_tumour)
         for of_setting, chosen in zip(logits, settings, strict=True):
-            of_setting.append(learnt_logits(stage, *chosen, readings))
+            of_setting.append(learnt_logits(setup, *chosen, readings))
     return [Answers(np.array(of_setting), np.array(truths)) for of_setting in logits]
 
 
 def learnt_logits(
-    stage: Stage, settings: MapSettings, insets: InsetSettings | None, readings: list[Reading]
+    setup: Setup, settings: MapSettings, insets: InsetSettings | None, readings: list[Reading]
 ) -> NDArray[np.float64]:
     coarse = HilbertMap(
-        stage.hinges, settings, query=stage.query, query_mask=stage.is_inside, hinge_mask=stage.hinge_mask
+        setup.hinges, settings, query=setup.query, query_mask=setup.is_inside, hinge_mask=setup.hinge_mask
     )
     belief = coarse if insets is None else DetailedMap(coarse, insets)
     for reading in readings:

@@ -11,10 +11,10 @@ import numpy as np
 import tyro
 from threadpoolctl import threadpool_limits
 
-from sim.episode import Episode
-from sim.options import EpisodeOptions
-from sim.run import arm_model
-from sim.stage import Stage, build_stage
+from sim.episode.episode import Episode
+from sim.episode.setup import Setup, build_setup
+from sim.running.options import EpisodeOptions
+from sim.running.run import arm_model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,16 +34,16 @@ class Options:
 
 
 @lru_cache(maxsize=2)
-def _stage(options: EpisodeOptions) -> Stage:
-    return build_stage(options.make_scenario(), arm_model(options), options.make_map_settings())
+def _setup(options: EpisodeOptions) -> Setup:
+    return build_setup(options.make_scenario(), arm_model(options), options.make_map_settings())
 
 
 def run_seed(options: EpisodeOptions, at: tuple[int, ...]) -> dict[str, Any]:
     """One episode's row."""
     with threadpool_limits(limits=1):
-        stage = _stage(replace(options, seed=0))
+        setup = _setup(replace(options, seed=0))
         episode = Episode(
-            stage,
+            setup,
             options.make_planner(),
             seed=options.seed,
             map_settings=options.make_map_settings(),

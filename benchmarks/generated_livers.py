@@ -19,15 +19,15 @@ from scipy.spatial import ConvexHull
 from tqdm import tqdm
 
 from mapping import MapSettings
-from sim.figures import save
-from sim.inspection_figure import draw_view
-from sim.options import EpisodeOptions
-from sim.scenarios import Scenario
-from sim.stage import build_stage, make_workspace, placed_organ
-from sim.truth import make_truth
-from sim.world.anatomy_files import LoadedAnatomy
-from sim.world.mesh_topology import is_closed
-from sim.world.solid import Solid
+from sim.episode.scenario import Scenario
+from sim.episode.setup import build_setup, make_workspace, placed_organ
+from sim.episode.truth import make_truth
+from sim.pictures.figures import save
+from sim.running.options import EpisodeOptions
+from sim.viewing.inspection_figure import draw_view
+from sim.world.anatomy.case_files import LoadedAnatomy
+from sim.world.meshes.topology import is_closed
+from sim.world.solids.solid import Solid
 
 PAGE_FIGURE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "generated_livers.png"
 N_DRAWN = 6
@@ -75,9 +75,9 @@ def scenario_of(seed: int) -> Scenario:
 
 def plant(seed: int) -> LoadedAnatomy:
     """A seed's liver with its tumours, in patient axes."""
-    stage = build_stage(scenario_of(seed), None, MapSettings())
-    anatomy = make_truth(stage, np.random.default_rng(seed).spawn(3)[0]).anatomy
-    T = np.linalg.inv(stage.T_world_organ)
+    setup = build_setup(scenario_of(seed), None, MapSettings())
+    anatomy = make_truth(setup, np.random.default_rng(seed).spawn(3)[0]).anatomy
+    T = np.linalg.inv(setup.T_world_organ)
     tumours = tuple(each.transformed(T) for each in anatomy.tumours)
     return LoadedAnatomy(organ=anatomy.organ.transformed(T), tumours=tumours)
 

@@ -24,13 +24,13 @@ import numpy as np
 from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
-from sim.arms import arm_named
-from sim.scenarios import SCENARIOS
-from sim.theatre import Theatre, build_theatre
-from sim.world.descent import AXIS_WEIGHT_M
-from sim.world.ik_search import IkSearch
-from sim.world.ik_settings import IkSettings
-from sim.world.kinematics import Kinematics
+from sim.episode.scenario import SCENARIOS
+from sim.reach.workcell import Workcell, build_workcell
+from sim.world.ik.damped_least_squares import AXIS_WEIGHT_M
+from sim.world.ik.kinematics import Kinematics
+from sim.world.ik.search import IkSearch
+from sim.world.ik.settings import IkSettings
+from sim.world.scene.named_arms import arm_named
 
 POSITION_TOLERANCE_M, ANGLE_TOLERANCE_RAD = 1e-3, np.deg2rad(1.0)
 MINK_STEPS, N_RESTARTS = 100, 20
@@ -46,17 +46,17 @@ def main() -> None:
             study_effort(scenario)
         if arguments.effort:
             return
-        theatre = build_theatre(SCENARIOS["liver"], arm_named("default"))
+        workcell = build_workcell(SCENARIOS["liver"], arm_named("default"))
         print("| poses | method | solved | free | ms a pose |\n|---|---|---|---|---|")
-        run(theatre, "made by free configurations", *made_poses(theatre, arguments.poses))
-        run(theatre, "liver", *liver_poses(theatre, arguments.poses))
+        run(workcell, "made by free configurations", *made_poses(workcell, arguments.poses))
+        run(workcell, "liver", *liver_poses(workcell, arguments.poses))
 
 
 def study_effort(scenario: str) -> None:
     """Whether a study depends on its starts, and what a stronger search still finds."""
-    theatre = build_theatre(SCENARIOS[scenario], arm_named("default"))
-    positions_m, normals = theatre.workspace.positions_m, theatre.workspace.normals
-    searches = [theatre.make_search(IkSettings(start_seed=seed)) for seed in (0, 1)]
+    workcell = build_workcell(SCENARIOS[scenario], arm_named("default"))
+    positions_m, normals = workcell.workspace.positions_m, workcell.workspace.normals
+    searches = [workcell.make_search(IkSettings(start_seed=seed)) for seed in (0, 1)]
     start_s, start_cpu_s = perf_counter(), process_time()
     answers = searches[0].search(positions_m, normals)
     taken_s, taken_cpu_s = perf_counter() - start_s, process_time() - start_cpu_s
@@ -78,30 +78,33 @@ def found_at_random(search: IkSearch, position_m, normal) -> bool:
     return search.is_reached_from(starts, position_m, normal)
 
 
-def made_poses(theatre: Theatre, count: int):
-    search, rng, q = theatre.make_search(), np.random.default_rng(0), np.empty((0, 7))
+def made_poses(workcell: Workcell, count: int):
+    search, rng, q = workcell.make_search(), np.random.default_rng(0), np.empty((0, 7))
     while len(q) < count:
         drawn = rng.uniform(*search.chain.search_range(), (4 * count, 7))
         q = np.vstack([q, drawn[search.meter.measure(search.chain.full(drawn)).is_free]])
         state = search.chain.forward(q)
-        q = q[theatre.clearance.probe_distances(state.tips_m, state.R_world_tip)[0] >= 0.0]
+        q = q[workcell.clearance.probe_distances(state.tips_m, state.R_world_tip)[0] >= 0.0]
     state = search.chain.forward(q[:count])
     return state.tips_m, state.beams
 
 
-def liver_poses(theatre: Theatre, count: int):
-    chosen = np.random.default_rng(1).permutation(theatre.workspace.n_poses)[:count]
-    return theatre.workspace.positions_m[chosen], theatre.workspace.normals[chosen]
+def liver_poses(workcell: Workcell, count: int):
+    chosen = np.random.default_rng(1).permutation(workcell.workspace.n_poses)[:count]
+    return workcell.workspace.positions_m[chosen], workcell.workspace.normals[chosen]
 
 
-def run(theatre: Theatre, name: str, positions_m, normals) -> None:
+def run(workcell: Workcell, name: str, positions_m, normals) -> None:
     settings = IkSettings(
         position_tolerance_m=POSITION_TOLERANCE_M,
         angle_tolerance_rad=ANGLE_TOLERANCE_RAD,
         standoff_m=0.0,
     )
-    search, kinematics = theatre.make_search(settings), Kinematics(theatre.scene, theatre.clearance, settings)
-    plain = PlainMink(theatre)
+    search, kinematics = (
+        workcell.make_search(settings),
+        Kinematics(workcell.scene, workcell.clearance, settings),
+    )
+    plain = PlainMink(workcell)
 
     def one_by_one(solve):
         start_s = perf_counter()
@@ -135,8 +138,8 @@ def run(theatre: Theatre, name: str, positions_m, normals) -> None:
 class PlainMink:
     """mink as its examples use it: a frame task with free roll, the joint limits, no step cap."""
 
-    def __init__(self, theatre: Theatre) -> None:
-        scene = theatre.scene
+    def __init__(self, workcell: Workcell) -> None:
+        scene = workcell.scene
         self.configuration, self.home_q = mink.Configuration(scene.model), scene.home_q
         self.frame = mink.FrameTask(
             scene.tip_site, "site", position_cost=1.0, orientation_cost=[0.3, 0.3, 0.0], lm_damping=1e-6

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.spheres import make_map, random_readings
 from mapping import HilbertMap, MapSettings
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "helpers"))
 from dense_reference import CholeskyReference, DenseDiagonal, DenseReference
 
 

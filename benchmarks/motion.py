@@ -11,11 +11,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mapping import MapSettings
-from sim.movers import make_mover
-from sim.scenarios import load_scenario
-from sim.stage import build_stage
-from sim.world.arm import ArmModel
-from sim.world.path_check import PathCheck
+from sim.episode.arm_motion import make_motion_model
+from sim.episode.scenario import load_scenario
+from sim.episode.setup import build_setup
+from sim.world.motion.path_check import PathCheck
+from sim.world.scene.arm import ArmModel
 
 
 def main() -> None:
@@ -25,21 +25,26 @@ def main() -> None:
     parser.add_argument("--servo-poses", type=int, default=15)
     options = parser.parse_args()
     with threadpool_limits(limits=1):
-        stage = build_stage(load_scenario(options.scenario), ArmModel(), MapSettings())
+        setup = build_setup(load_scenario(options.scenario), ArmModel(), MapSettings())
         rng = np.random.default_rng(0)
-        poses = rng.permutation(stage.workspace.n_poses)[: options.poses].tolist()
-        poses = [pose for pose in poses if stage.carrier.reach(pose).is_reached]
-        search = stage.carrier.search
-        check = PathCheck(stage.scene, search.chain, search.meter, search.clearance)
-        lifted = [stage.carrier.reach(pose).q_standoff[search.chain.columns] for pose in poses]
+        poses = rng.permutation(setup.workspace.n_poses)[: options.poses].tolist()
+        poses = [pose for pose in poses if setup.positioner.reach(pose).is_reached]
+        search = setup.positioner.search
+        check = PathCheck(setup.scene, search.chain, search.meter, search.clearance)
+        lifted = [setup.positioner.reach(pose).q_standoff[search.chain.columns] for pose in poses]
         n_hit = sum(not check.is_free(np.stack(pair)) for pair in pairwise(lifted))
         print(f"{options.scenario}: {len(poses)} reached poses, straight transfers that collide: {n_hit}")
         for kind in ("none", "kinematic", "servo"):
             chosen = poses[: options.servo_poses] if kind == "servo" else poses
-            mover, data, took_s, motions = make_mover(stage, kind), stage.scene.new_data(), [], []
+            motion_model, data, took_s, motions = (
+                make_motion_model(setup, kind),
+                setup.scene.new_data(),
+                [],
+                [],
+            )
             for pose in chosen:
                 start_s = process_time()
-                motions.append(mover.move(data, pose))
+                motions.append(motion_model.move(data, pose))
                 took_s.append(process_time() - start_s)
             median_ms, mean_ms, worst_ms = 1e3 * np.array([np.median(took_s), np.mean(took_s), max(took_s)])
             done = [motion for motion in motions if motion.is_done]

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import tyro
 
-from sim.compare import FIGURES, draw_views, run_compare, slug
-from sim.comparison import Comparison, compare_groups
-from sim.comparison_tables import interval_text, pair_table, table
-from sim.trial_groups import load_groups
-from sim.trials_options import CompareOptions
+from sim.cli.trials_options import CompareOptions
+from sim.comparison.compare import FIGURES, draw_views, run_compare, slug
+from sim.comparison.comparison import Comparison, compare_groups
+from sim.comparison.tables import interval_text, pair_table, table
+from sim.comparison.trial_groups import load_groups
 
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- begin: written by make paper -->", "<!-- end: written by make paper -->"

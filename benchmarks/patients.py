@@ -21,9 +21,9 @@ import tyro
 from tqdm import tqdm
 
 from mapping.storage import replacing
-from sim.options import EpisodeOptions
-from sim.run import arm_model, run_episode
-from sim.stage import build_stage
+from sim.episode.setup import build_setup
+from sim.running.options import EpisodeOptions
+from sim.running.run import arm_model, run_episode
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "organs.md"
 BEGIN, END = "<!-- table of patients: begin -->", "<!-- table of patients: end -->"
@@ -73,17 +73,17 @@ def run_case(files: dict[str, Any], options: PatientsOptions, out: Path) -> dict
         out=out,
     )
     start_s = perf_counter()
-    stage = build_stage(asked.make_scenario(), arm_model(asked), asked.make_map_settings())
-    summary = run_episode(asked, stage=stage, show_progress=False)
+    setup = build_setup(asked.make_scenario(), arm_model(asked), asked.make_map_settings())
+    summary = run_episode(asked, setup=setup, show_progress=False)
     seconds = perf_counter() - start_s
     with np.load(out / "anatomy.npz") as arrays:
         n_tumours = sum(name.startswith("tumour") and name.endswith("_faces") for name in arrays.files)
-    poses = np.random.default_rng(0).permutation(stage.workspace.n_poses)[:N_REACH]
-    stage.carrier.prepare(poses.tolist())
+    poses = np.random.default_rng(0).permutation(setup.workspace.n_poses)[:N_REACH]
+    setup.positioner.prepare(poses.tolist())
     return {
-        "volume_ml": stage.organ.volume_m3 * 1e6,
-        "tumours": f"{n_tumours}{'' if stage.given_tumours else ' generated'}",
-        "reached": np.mean([stage.carrier.reach(int(pose)).is_reached for pose in poses]),
+        "volume_ml": setup.organ.volume_m3 * 1e6,
+        "tumours": f"{n_tumours}{'' if setup.given_tumours else ' generated'}",
+        "reached": np.mean([setup.positioner.reach(int(pose)).is_reached for pose in poses]),
         "auprc": summary["auprc"],
         "sensed": summary["sensed_fraction"],
         "attainable": summary["attainable_fraction"],

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from planner import planner_names
-from sim.episode import Episode, Step
-from sim.figures import BLUE, GRID, INK, MUTED, VERMILION
-from sim.options import EpisodeOptions
-from sim.stage import build_stage
+from sim.episode.episode import Episode, Step
+from sim.episode.setup import build_setup
+from sim.pictures.figures import BLUE, GRID, INK, MUTED, VERMILION
+from sim.running.options import EpisodeOptions
 
 _MM_PER_M = 1e3
 
@@ -42,9 +42,9 @@ def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
     """One planner's episode with a free probe."""
     asked = EpisodeOptions(scenario=options.scenario, planner=planner, seed=options.seed, arm="none")
     settings = asked.make_map_settings()
-    stage = build_stage(asked.make_scenario(), None, settings)
+    setup = build_setup(asked.make_scenario(), None, settings)
     episode = Episode(
-        stage, asked.make_planner(), seed=options.seed, map_settings=settings, insets=asked.make_insets()
+        setup, asked.make_planner(), seed=options.seed, map_settings=settings, insets=asked.make_insets()
     )
     return episode, list(episode.steps(options.steps, until_sensed=0.95))
 
@@ -56,7 +56,7 @@ def draw(axes: Axes, name: str, episode: Episode, steps: list[Step]) -> None:
         middle_mm = _MM_PER_M * (low_m + high_m)[:2] / 2
         radius_mm = _MM_PER_M * (high_m - low_m)[:2].max() / 2
         axes.add_patch(Circle((middle_mm[0], middle_mm[1]), radius_mm, color=INK, alpha=0.25, linewidth=0))
-    workspace, cone = episode.stage.workspace, episode.stage.cone
+    workspace, cone = episode.setup.workspace, episode.setup.cone
     for step in steps:
         position_m, normal = workspace.positions_m[step.pose_index], workspace.normals[step.pose_index]
         middle_mm = _MM_PER_M * (position_m + 0.5 * cone.depth_m * normal)[:2]

@@ -13,8 +13,8 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from sim.comparison_tables import table
-from sim.trial_groups import TrialGroup, load_groups
+from sim.comparison.tables import table
+from sim.comparison.trial_groups import TrialGroup, load_groups
 
 SENSED = 0.95
 

@@ -22,14 +22,14 @@ from tqdm import tqdm
 
 from mapping import InsetSettings, MapSettings
 from planner import FindAndOutline
-from sim.comparison_tables import interval_text, table
-from sim.episode import Episode
-from sim.estimates import mean_estimate, share_interval
-from sim.journal import Entry, Journal
-from sim.scenarios import SCENARIOS
-from sim.stage import Stage, build_stage
-from sim.study import key_of
-from sim.world.probe import Reading
+from sim.campaign.journal import Entry, Journal
+from sim.campaign.study import key_of
+from sim.comparison.estimates import mean_estimate, share_interval
+from sim.comparison.tables import interval_text, table
+from sim.episode.episode import Episode
+from sim.episode.scenario import SCENARIOS
+from sim.episode.setup import Setup, build_setup
+from sim.world.sensing.probe import Reading
 
 SENSED = 0.95
 NOISE_STREAM = 1
@@ -98,9 +98,9 @@ class NoisyEpisode(Episode):
 
 
 @lru_cache(maxsize=1)
-def _stage(number: int) -> Stage:
+def _setup(number: int) -> Setup:
     scenario = replace(SCENARIOS["sphere"], **CASES[number].changes)
-    return build_stage(scenario, None, MapSettings())
+    return build_setup(scenario, None, MapSettings())
 
 
 def settings_of(number: int, seed: int, options: Options) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def run_seed(number: int, seed: int, options: Options) -> Entry:
         planner = FindAndOutline(sure_radius_m=case.sure_radius_m)
         settings = replace(MapSettings(), **told)
         episode = NoisyEpisode(
-            _stage(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
+            _setup(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
         )
         episode.noise, episode.noise_rng = case.noise, np.random.default_rng((seed, NOISE_STREAM))
         sensings, sensed, n_steps = None, None, 0

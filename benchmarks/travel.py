@@ -10,10 +10,10 @@ import tyro
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sim.comparison_tables import interval_text, table
-from sim.estimates import mean_estimate
-from sim.figures import BLUE, GRID, VERMILION
-from sim.trial_groups import TrialGroup, load_groups
+from sim.comparison.estimates import mean_estimate
+from sim.comparison.tables import interval_text, table
+from sim.comparison.trial_groups import TrialGroup, load_groups
+from sim.pictures.figures import BLUE, GRID, VERMILION
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURES = {

@@ -13,11 +13,11 @@ from time import perf_counter, process_time
 
 import tyro
 
-from sim.campaign import run_trials
-from sim.comparison_tables import table
-from sim.options import EpisodeOptions
-from sim.trial import run_trial
-from sim.trials_options import TrialsOptions
+from sim.campaign.campaign import run_trials
+from sim.campaign.trial import run_trial
+from sim.cli.trials_options import TrialsOptions
+from sim.comparison.tables import table
+from sim.running.options import EpisodeOptions
 
 PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s")
 CASES = (
@@ -53,8 +53,8 @@ def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
         until_sensed=0.95,
         map="when-needed",
     )
-    run_trial(replace(options, scenario="spheres", steps=1))  # drops the stage of the case before
-    run_trial(replace(options, steps=1, seed=10_000))  # builds the stage
+    run_trial(replace(options, scenario="spheres", steps=1))  # drops the setup of the case before
+    run_trial(replace(options, steps=1, seed=10_000))  # builds the setup
     n_actions, parts, memory_mb = 0, dict.fromkeys(PARTS, 0.0), 0.0
     cpu_start_s, wall_start_s = process_time(), perf_counter()
     for seed in range(n_trials):

@@ -1,6 +1,6 @@
 """The belief over where tumours are: a sequential Bayesian Hilbert map, and the metrics of a map."""
 
-from .belief import UpdateReport
+from .belief.base import UpdateReport
 from .detailed_map import DetailedMap, InsetSettings
 from .hilbert_map import HilbertMap
 from .labelled_points import LabelledPoints

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .belief import UpdateReport
+from .belief.base import UpdateReport
 from .boxes import Box, boxes_around
 from .hilbert_map import HilbertMap
 from .labelled_points import LabelledPoints

@@ -17,9 +17,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .belief import Belief, UpdateReport
-from .diagonal import DiagonalBelief
-from .full import FullBelief
+from .belief.base import Belief, UpdateReport
+from .belief.diagonal import DiagonalBelief
+from .belief.full import FullBelief
 from .kernel import HingeFeatures
 from .lattice import Lattice, check_points
 from .likelihood import label_log_odds, prior_offset

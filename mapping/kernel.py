@@ -100,7 +100,7 @@ class HingeFeatures:
 
     def over_hinges(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns values of the weights, shape (M,) or (M, R), laid out over the lattice with zeros in the
-        gaps.
+        clearances.
 
         The shape is (n_x, n_y, n_z, R), R = 1 for one value per weight.
         """

@@ -114,8 +114,8 @@ def expected_calibration_error(probability: ArrayLike, is_occupied: ArrayLike, *
     share = (np.bincount(group, weights=truth) / np.bincount(group))[group]
     order = np.argsort(probabilities, kind="stable")
     bins = np.array_split(order, min(n_bins, order.size))
-    gaps = [abs(float(probabilities[part].mean() - share[part].mean())) * part.size for part in bins]
-    return float(np.sum(gaps) / order.size)
+    clearances = [abs(float(probabilities[part].mean() - share[part].mean())) * part.size for part in bins]
+    return float(np.sum(clearances) / order.size)
 
 
 def dice(is_called_occupied: ArrayLike, is_occupied: ArrayLike) -> float | None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
-from .find_and_outline import FindAndOutline
+from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder

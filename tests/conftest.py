@@ -12,15 +12,15 @@ import trimesh
 
 from mapping import MapSettings
 from planner import Cone
-from sim.scenarios import SCENARIOS, Scenario
-from sim.stage import Stage, build_stage
-from sim.world.anatomy import Anatomy, build_anatomy
-from sim.world.arm import ArmModel
-from sim.world.clearance import Clearance
-from sim.world.distance_grid import DistanceGrid
-from sim.world.ik_search import IkSearch
-from sim.world.scene import Scene, build_scene
-from sim.world.solid import Solid
+from sim.episode.scenario import SCENARIOS, Scenario
+from sim.episode.setup import Setup, build_setup
+from sim.world.anatomy.anatomy import Anatomy, build_anatomy
+from sim.world.ik.search import IkSearch
+from sim.world.scene.arm import ArmModel
+from sim.world.scene.clearance import Clearance
+from sim.world.scene.scene import Scene, build_scene
+from sim.world.solids.distance_grid import DistanceGrid
+from sim.world.solids.solid import Solid
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST = (
@@ -58,21 +58,21 @@ def pytest_collection_modifyitems(items) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def stages_are_built_once():
-    """Episodes on organs that the package brings share their stages, as the trials of a campaign do."""
-    built: dict[tuple[Scenario, bool, float], Stage] = {}
+def setups_are_built_once():
+    """Episodes on organs that the package brings share their setups, as the trials of a campaign do."""
+    built: dict[tuple[Scenario, bool, float], Setup] = {}
 
-    def shared(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Stage:
+    def shared(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Setup:
         is_embedded = scenario in SCENARIOS.values() and arm in (None, ArmModel())
         if not is_embedded:
-            return build_stage(scenario, arm, map_settings)
+            return build_setup(scenario, arm, map_settings)
         key = (scenario, arm is None, map_settings.hinge_spacing_m)
         if key not in built:
-            built[key] = build_stage(scenario, arm, map_settings)
+            built[key] = build_setup(scenario, arm, map_settings)
         return built[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim.run.build_stage", shared)
+        patch.setattr("sim.running.run.build_setup", shared)
         yield shared
 
 
@@ -123,15 +123,15 @@ def ball_anatomy() -> Anatomy:
 
 
 @pytest.fixture(scope="session")
-def sphere_stage(stages_are_built_once) -> Stage:
+def sphere_setup(setups_are_built_once) -> Setup:
     """The paper's scenario 1 with a free-flying probe."""
-    return stages_are_built_once(SCENARIOS["sphere"], None, MapSettings())
+    return setups_are_built_once(SCENARIOS["sphere"], None, MapSettings())
 
 
 @pytest.fixture(scope="session")
-def sphere_arm_stage(stages_are_built_once) -> Stage:
+def sphere_arm_setup(setups_are_built_once) -> Setup:
     """The paper's scenario 1 with the embedded arm."""
-    return stages_are_built_once(SCENARIOS["sphere"], ArmModel(), MapSettings())
+    return setups_are_built_once(SCENARIOS["sphere"], ArmModel(), MapSettings())
 
 
 @pytest.fixture(scope="session")

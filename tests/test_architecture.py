@@ -53,7 +53,7 @@ def test_relative_imports_are_resolved_from_the_module_that_makes_them():
     # What all other tests here stand on: one known import of each kind.
     assert "planner.cone.Cone" in imported(ROOT / "planner" / "situation.py")
     assert "mapping" in tops(ROOT / "planner" / "situation.py")
-    assert "sim.gl_probe" in imported(ROOT / "sim" / "doctor.py")
+    assert "sim.doctor.gl_probe" in imported(ROOT / "sim" / "doctor.py")
 
 
 @pytest.mark.parametrize("path", SCIENCE_MODULES, ids=relative)
@@ -115,7 +115,7 @@ def test_an_init_file_re_exports_and_does_nothing_else(package):
 
 def test_a_worker_of_trials_starts_without_what_it_seldom_needs():
     """Each of these takes a third of a second or more, in every process that a campaign starts."""
-    seldom = {"scipy.stats", "toppra", "matplotlib.pyplot", "sim.figures"}
-    code = f"import sys, sim.trial; print(*{seldom} & set(sys.modules))"
+    seldom = {"scipy.stats", "toppra", "matplotlib.pyplot", "sim.pictures.figures"}
+    code = f"import sys, sim.campaign.trial; print(*{seldom} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert run.stdout.split() == []

@@ -7,8 +7,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ..replay import Recording, set_state
-from ..world.scene import Group
+from sim.viewing.replay import Recording, set_state
+from sim.world.scene.scene import Group
+
 from .mesh_thinning import thinned
 
 MOST_FACES = 3000

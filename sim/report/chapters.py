@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import expit
 
 from mapping import average_precision, precision_recall_curve
+from sim.findings.findings import Findings
+from sim.record.run_record import RunRecord
 
-from ..findings import Findings
-from ..run_record import RunRecord
 from .charts import curve_chart, progress_chart, reliability, reliability_chart
 from .finding_rows import finding_rows
 
@@ -54,12 +54,12 @@ def title(record: RunRecord) -> str:
 
 def _lede(record: RunRecord) -> str:
     n, arm = record.n_steps, record.options["arm"]
-    carrier = "a free-flying probe" if arm == "none" else f"the {arm} arm"
+    positioner = "a free-flying probe" if arm == "none" else f"the {arm} arm"
     day = str(record.manifest.get("started", ""))[:10]
     actions = "sensing action" if n == 1 else "sensing actions"
     commit = str(record.manifest.get("commit") or "")[:8]
     version = f"Sounding {record.manifest.get('sounding', '')}{f' ({commit})' if commit else ''}"
-    return f"{n} {actions} with {carrier}, seed {record.options['seed']}. {version}, {day}."
+    return f"{n} {actions} with {positioner}, seed {record.options['seed']}. {version}, {day}."
 
 
 def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]:

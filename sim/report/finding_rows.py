@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..finding_tables import FALSE_FINDINGS, FALSE_TARGETS, TARGETS, TUMOURS
-from ..findings import FalseFinding, Findings, TumourFinding
+from sim.findings.findings import FalseFinding, Findings, TumourFinding
+from sim.findings.tables import FALSE_FINDINGS, FALSE_TARGETS, TARGETS, TUMOURS
 
 NONE = "–"
 

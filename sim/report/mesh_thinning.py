@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..world.solid import Solid
+from sim.world.solids.solid import Solid
 
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 LEAST_FACES = 500

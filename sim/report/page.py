@@ -10,10 +10,10 @@ from typing import Any
 import jinja2
 
 from mapping.storage import replacing
+from sim.findings.findings import Findings
+from sim.findings.results import write_results
+from sim.record.run_record import RunRecord, load_run
 
-from ..findings import Findings
-from ..run_record import RunRecord, read_run
-from ..run_results import write_results
 from .chapters import chapters
 from .frames import frame_images
 from .packing import Pack
@@ -36,7 +36,7 @@ def write_report(folder: Path, findings: Findings | None = None) -> Path:
     Raises:
         UsageError: It is not the folder of an episode, or one of its files is broken.
     """
-    record = read_run(folder)
+    record = load_run(folder)
     text = page(record, findings or write_results(record))
     path = folder / REPORT
     with replacing(path) as file:
@@ -60,11 +60,11 @@ def page(record: RunRecord, findings: Findings) -> str:
     )  # fmt: skip
 
 
-@lru_cache(maxsize=1)
-def environment() -> jinja2.Environment:
-    """The templates; what they are given is escaped."""
+@lru_cache(maxsize=2)
+def environment(*more_templates: Path) -> jinja2.Environment:
+    """The templates, and those of other folders; what they are given is escaped."""
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(ASSETS), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.FileSystemLoader([ASSETS, *more_templates]), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
 

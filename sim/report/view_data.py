@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import UsageError
-from ..map_field import called_from
-from ..map_history import LOG_ODDS_STEP, to_bytes
-from ..replay import Recording, read_recording
-from ..run_record import RunRecord
-from ..scenarios import PAPER_ORGAN
-from ..world.errors import WorldError
-from ..world.structures import Structure
+from sim.episode.scenario import PAPER_ORGAN
+from sim.errors import UsageError
+from sim.record.map_field import called_from
+from sim.record.map_history import LOG_ODDS_STEP, to_bytes
+from sim.record.run_record import RunRecord
+from sim.viewing.replay import Recording, read_recording
+from sim.world.anatomy.structures import Structure
+from sim.world.errors import WorldError
+
 from .arm_parts import arm_parts, body_poses
 from .mesh_thinning import thinned, thinned_together
 from .packing import Pack, add_mesh

@@ -1,0 +1,133 @@
+"""What every form of the belief over the weights offers to the map."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernel import HingeFeatures, contract, outer_features
+from ..lattice import Lattice
+from ..settings import MapSettings
+
+# Points asked for are taken together in cubes of this many hinge spacings: few cubes, each with few features.
+_TILE_SPACINGS = 3
+# Features that the mean at a point may leave out, as a multiple of `MapSettings.tolerance`.
+_MEAN_CUTOFF = 0.1
+
+
+class Moments(NamedTuple):
+    """Mean and variance of phi(x) . w at N points, the latent without its offset."""
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UpdateReport:
+    """What a reading did to the belief."""
+
+    n_points: int
+    """Points in the reading."""
+    n_occupied: int
+    """How many of them were labelled occupied."""
+    rank: int
+    """Directions of weight space in which the reading said something."""
+    n_weights_touched: int
+    """Weights whose variance it changed."""
+    curvature: NDArray[np.float64]
+    """lambda of the bound at each point, shape (n_points,): half the precision with which it was observed."""
+
+
+class LearningReport(NamedTuple):
+    """How far a reading reached, and lambda at each of its points."""
+
+    rank: int
+    n_weights_touched: int
+    curvature: NDArray[np.float64]
+
+
+class Belief(ABC):
+    """Gaussian belief over the weights of the features; readings change it in place."""
+
+    mean: NDArray[np.float64]
+    """mu, shape (M,)."""
+    _features: HingeFeatures
+    _settings: MapSettings
+
+    @abstractmethod
+    def learn(
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+    ) -> LearningReport:
+        """Takes in a reading: points [m] (n, 3), the latent's offset there (n,) and what the labels say
+        (n,).
+        """
+
+    @abstractmethod
+    def revise(self) -> float:
+        """Fits every reading so far anew and returns the largest change of the latent's mean."""
+
+    @abstractmethod
+    def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
+        """Draws weights from the belief and keeps them up with every later reading."""
+
+    @abstractmethod
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """Returns the arrays that make up the belief."""
+
+    @abstractmethod
+    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes over the arrays of another belief of the same settings and hinges.
+
+        Raises:
+            ValueError: If an array is missing, of another shape, not finite, or no covariance.
+        """
+
+    @property
+    @abstractmethod
+    def samples(self) -> NDArray[np.float64]:
+        """The carried draws of the weights, shape (M, n_samples)."""
+
+    @abstractmethod
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns phi(x) Sigma phi(x)^T at all points of a lattice, shape (query.n_points,)."""
+
+    @abstractmethod
+    def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns phi(x) Sigma phi(x)^T at points that lie close together, shape (N, 3)."""
+
+    def lattice_moments(self, query: Lattice) -> Moments:
+        """Returns the moments at all points of a lattice."""
+        mean = contract(self._features.on_lattice(query), self._features.over_hinges(self.mean))
+        return Moments(mean.ravel(), self.variance_on_lattice(query))
+
+    def lattice_samples(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns phi(x) . w of the carried draws at all points of a lattice, shape (query.n_points,
+        n_samples).
+        """
+        draws = contract(self._features.on_lattice(query), self._features.over_hinges(self.samples))
+        return draws.reshape(query.n_points, -1)
+
+    def moments(self, points_m: NDArray[np.float64]) -> Moments:
+        """Returns the moments at any points, tile by tile so that only what is within reach takes part."""
+        mean, variance = np.zeros(len(points_m)), np.zeros(len(points_m))
+        weights = self._features.over_hinges(self.mean)
+        for part in _tiles(points_m, _TILE_SPACINGS * self._features.spacing_m):
+            near = points_m[part]
+            box = self._features.box_around(near, _MEAN_CUTOFF * self._settings.tolerance)
+            Phi = outer_features(self._features.along_axes(near, box))
+            mean[part] = Phi @ weights[box].ravel()
+            variance[part] = self.variance_near(near)
+        return Moments(mean, variance)
+
+
+def _tiles(points_m: NDArray[np.float64], width_m: float) -> list[NDArray[np.intp]]:
+    """Returns the indices of the points that share a cube of a given width, cube by cube."""
+    cubes = np.floor((points_m - points_m.min(axis=0)) / width_m).astype(np.intp)
+    _, cube_of_point = np.unique(cubes, axis=0, return_inverse=True)
+    order = np.argsort(cube_of_point, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(cube_of_point[order])) + 1)

@@ -1,0 +1,116 @@
+"""The covariance of the weights as one dense matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky
+
+from ..kernel import HingeFeatures
+from ..storage import checked_array
+from .carried_variance import CarriedVariance
+from .kept_covariance import KeptCovariance
+
+# Hinges beyond a reading's own, along x, that may covary with them: the correlation halves with each.
+_MARGIN = 6
+
+
+class DenseCovariance(KeptCovariance):
+    """Sigma as one M x M matrix."""
+
+    def __init__(
+        self,
+        features: HingeFeatures,
+        weight_variance: float,
+        carried: CarriedVariance | None = None,
+        *,
+        is_exact: bool,
+    ) -> None:
+        """Starts with independent weights of one variance; exact, it takes any two weights for dependent."""
+        super().__init__(features, carried)
+        self._is_exact = is_exact
+        self.matrix = np.zeros((features.n_weights, features.n_weights))
+        np.fill_diagonal(self.matrix, weight_variance)
+        n_in_plane = features.hinges.n_points // features.hinges.shape[0]
+        self._plane_of_weight = np.flatnonzero(features.weight_of_hinge >= 0) // n_in_plane
+
+    def among(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
+        """See `KeptCovariance.among`."""
+        return C @ self.matrix[np.ix_(weights, weights)]
+
+    def cross(
+        self, C: NDArray[np.float64], weights: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
+        (r, m).
+        """
+        first, last = self._slab(weights)
+        return np.arange(first, last), C @ self.matrix[weights, first:last]
+
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+        """Takes sign G G^T off the covariance of some weights (k,), ascending, for G of shape (k, s)."""
+        runs = self._runs(weights, G)
+        # One pair of planes at a time stays in the cache.
+        for number, (here, rows) in enumerate(runs):
+            signed = sign * rows
+            for there, others in runs[number:]:
+                block = self.matrix[here, there]
+                block -= signed @ others.T
+                if there != here:
+                    self.matrix[there, here] = block.T
+        if self._carried is not None:
+            self._carried.lower(weights, G, sign=sign)
+
+    def _runs(
+        self, weights: NDArray[np.intp], G: NDArray[np.float64]
+    ) -> list[tuple[slice, NDArray[np.float64]]]:
+        """Returns G plane by plane of hinges: a range of weights and its rows, zero where none is given."""
+        starts = np.flatnonzero(np.diff(self._plane_of_weight[weights], prepend=-1))
+        runs = []
+        for some, rows in zip(np.split(weights, starts[1:]), np.split(G, starts[1:]), strict=True):
+            first, last = int(some[0]), int(some[-1]) + 1
+            filled = np.zeros((last - first, G.shape[1]))
+            filled[some - first] = rows
+            runs.append((slice(first, last), filled))
+        return runs
+
+    def _slab(self, weights: NDArray[np.intp]) -> tuple[int, int]:
+        """Returns the range of weights, which run along x slowest, whose hinges may covary with some
+        weights'.
+        """
+        if self._is_exact:
+            return 0, len(self.matrix)
+        planes = self._plane_of_weight
+        low, high = planes[weights.min()] - _MARGIN, planes[weights.max()] + _MARGIN
+        return int(np.searchsorted(planes, low)), int(np.searchsorted(planes, high, side="right"))
+
+    def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Returns draws about zero with this covariance, shape (M, n_samples)."""
+        factor = cholesky(self.matrix, lower=True, check_finite=False)
+        return factor @ rng.standard_normal((len(self.matrix), n_samples))
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """Returns the lower triangle, row by row, and the variance that is carried."""
+        triangle = {"covariance": self.matrix[np.tril_indices(len(self.matrix))]}
+        return triangle if self._carried is None else {"carried_variance": self._carried.values, **triangle}
+
+    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes over a saved triangle.
+
+        Raises:
+            ValueError: If it is missing, of another size, or not positive definite.
+        """
+        n_weights = len(self.matrix)
+        triangle = checked_array(state, "covariance", (n_weights * (n_weights + 1) // 2,))
+        matrix = np.zeros_like(self.matrix)
+        matrix[np.tril_indices(n_weights)] = triangle
+        matrix += np.tril(matrix, -1).T
+        try:
+            cholesky(matrix, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            raise ValueError("its covariance is not positive definite") from None
+        if self._carried is not None:
+            self._carried.values = checked_array(state, "carried_variance", self._carried.values.shape)
+        self.matrix = matrix

@@ -1,0 +1,218 @@
+"""The weights' belief with its full covariance: the default form.
+
+With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, the reading's own coordinates are z = R^-1 C
+(w - mu) and
+
+    mu' = mu + Y z',   Sigma' = Sigma - Y (I - D^-1) Y^T = Sigma - G G^T,   Y = Sigma C^T R^-T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve
+
+from ..kernel import HingeFeatures
+from ..lattice import Lattice
+from ..likelihood import bound_curvature
+from ..settings import MapSettings
+from ..storage import checked_array
+from .base import Belief, LearningReport
+from .carried_variance import CarriedVariance
+from .coordinates import ReadingCoordinates, reading_coordinates
+from .covariance import DenseCovariance
+from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
+from .samples import WeightSamples
+from .tiled import TiledCovariance
+from .variational import fit_reading, refit_reading
+
+# What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
+# error in probability after 50 readings (docs/map.md shows the table).
+_PIVOT_TOLERANCE = 1.0  # share of |phi|^2 of a point's features that does not follow from the pivots
+_ROOT_TOLERANCE = 1.0  # variance of the latent at a pivot that does not follow from the others
+_ROW_TOLERANCE = 0.03  # fall of a weight's variance
+_SHRINKAGE_TOLERANCE = 1000.0  # share of a direction's variance that the reading takes away
+_FEATURE_CUTOFF = 10.0  # features of a reading
+_QUERY_CUTOFF = 0.01  # terms of the variance at a query point
+_MARGIN_CUTOFF = 1e4  # features beyond the touched weights, whose own fall is as small as _ROW_TOLERANCE
+
+
+@dataclass(frozen=True, eq=False)
+class HeldReading:
+    """A reading that the belief holds, and how: lambda and the expected label of each of its points."""
+
+    points_m: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    log_odds: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+    labels: NDArray[np.float64]
+
+
+class FullBelief(Belief):
+    """Gaussian belief over the weights, mean and dense covariance."""
+
+    def __init__(
+        self, features: HingeFeatures, settings: MapSettings, covariance: DenseCovariance | TiledCovariance
+    ) -> None:
+        """Starts at zero mean, with a covariance as the form keeps it."""
+        self._features = features
+        self._settings = settings
+        self.mean = np.zeros(features.n_weights)
+        self.covariance = covariance
+        self.held: list[HeldReading] = []
+        self._samples: WeightSamples | None = None
+
+    @classmethod
+    def prior(
+        cls,
+        features: HingeFeatures,
+        settings: MapSettings,
+        query: Lattice | None,
+        query_mask: NDArray[np.bool_] | None,
+    ) -> FullBelief:
+        """Returns the prior belief of the form `full` or `local`."""
+        variance, carried = settings.weight_variance, None
+        if query is not None:
+            cutoff = min(_MARGIN_CUTOFF * settings.tolerance, 1.0)
+            carried = CarriedVariance(features, query, variance, query_mask=query_mask, cutoff=cutoff)
+        if settings.form == "local":
+            return cls(features, settings, TiledCovariance(features, variance, carried))
+        is_exact = settings.tolerance == 0
+        return cls(features, settings, DenseCovariance(features, variance, carried, is_exact=is_exact))
+
+    def learn(
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+    ) -> LearningReport:
+        """Takes in a reading; see the module for the formulas."""
+        reduction = self._reduce(points_m)
+        if not reduction.hinges.size:  # the reading lies beyond all hinges
+            return LearningReport(0, 0, bound_curvature(offset))
+        coordinates = self._coordinates(reduction, offset)
+        reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
+        moves = None if self._samples is None else self._samples.learn(coordinates, reading)
+        Z = self._shrinkage_root(reading.cholesky)
+        n_touched = self._write_back(coordinates, reading.mean, fall=Z, rise=Z[:, :0], moves=moves)
+        self.held.append(HeldReading(points_m, offset, log_odds, reading.curvature, reading.labels))
+        return LearningReport(Z.shape[1], n_touched, reading.curvature)
+
+    def revise(self) -> float:
+        """Fits every reading anew, with xi from all that is known now, oldest first."""
+        largest, n_rounds = 0.0, self._settings.n_em_iterations
+        for number, held in enumerate(self.held):
+            now = self._coordinates(self._reduce(held.points_m), held.offset)
+            change = refit_reading(now.mean, now.basis, held.log_odds, held.curvature, held.labels, n_rounds)
+            moves = None if self._samples is None else self._samples.revise(now, change)
+            fall, rise = (change.root(sign, self._smallest_share()) for sign in (1.0, -1.0))
+            self._write_back(now, change.mean, fall=fall, rise=rise, moves=moves)
+            largest = max(largest, float(np.abs(now.basis @ change.mean).max()))
+            self.held[number] = replace(held, curvature=change.curvature, labels=change.labels)
+        return largest
+
+    def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
+        """Draws weights from the belief and keeps them up with every later reading."""
+        self._samples = WeightSamples(self.covariance.draw(n_samples, rng), rng)
+
+    @property
+    def samples(self) -> NDArray[np.float64]:
+        """The carried draws of the weights, shape (M, n_samples)."""
+        if self._samples is None:
+            raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
+        return self.mean[:, None] + self._samples.deviations
+
+    def state(self) -> dict[str, NDArray[np.float64]]:
+        """Returns the arrays that make up the belief."""
+        return {
+            "mean": self.mean,
+            **self.covariance.state(),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+        """Takes over the arrays of another belief of the same settings and hinges."""
+        self.mean = checked_array(state, "mean", self.mean.shape)
+        self.covariance.restore(state)
+
+    def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
+        """Returns the variance at all points of a lattice."""
+        return np.maximum(self.covariance.variance_on_lattice(query), 0)
+
+    def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the variance at points that lie close together."""
+        return np.maximum(self.covariance.variance_at(points_m, _QUERY_CUTOFF * self._settings.tolerance), 0)
+
+    def _reduce(self, points_m: NDArray[np.float64]) -> Reduction:
+        tolerance = self._settings.tolerance
+        box = self._features.box_around(points_m, _FEATURE_CUTOFF * tolerance)
+        weights = self._features.weights_in(box)
+        factors = self._features.along_axes(points_m, box)
+        if tolerance > 0:
+            local = reduce_by_pivots(
+                factors,
+                weights >= 0,
+                tolerance=_PIVOT_TOLERANCE * tolerance,
+                cutoff=_FEATURE_CUTOFF * tolerance,
+            )
+        else:
+            local = reduce_exactly(factors, weights >= 0)
+        return replace(local, hinges=weights[local.hinges])
+
+    def _coordinates(self, reduction: Reduction, offset: NDArray[np.float64]) -> ReadingCoordinates:
+        prior_mean = offset + reduction.at_points(reduction.directions @ self.mean[reduction.hinges])
+        covariance = self.covariance.inner(reduction.directions, reduction.hinges)
+        tolerance = _ROOT_TOLERANCE * self._settings.tolerance
+        return reading_coordinates(reduction, prior_mean, covariance, tolerance=tolerance)
+
+    def _write_back(
+        self,
+        coordinates: ReadingCoordinates,
+        mean: NDArray[np.float64],
+        *,
+        fall: NDArray[np.float64],
+        rise: NDArray[np.float64],
+        moves: NDArray[np.float64] | None,
+    ) -> int:
+        """Takes a belief over z back to the weights: mu + Y z', Sigma - Y (Z Z^T) Y^T, and the draws' moves.
+
+        Args:
+            coordinates: The reading's.
+            mean: z', shape (r,).
+            fall: Z, shape (r, s).
+            rise: The same for what is added to Sigma.
+            moves: Change of z of each draw, shape (r, S).
+
+        Returns:
+            How many weights were touched.
+        """
+        parts = [mean[:, None], fall, rise, *([] if moves is None else [moves])]
+        ends = np.cumsum([part.shape[1] for part in parts])
+        weights, rows = self.covariance.cross(coordinates.rows(np.hstack(parts)), coordinates.near)
+        self.mean[weights] += rows[0]
+        if self._samples is not None:
+            self._samples.deviations[weights] += rows[ends[2] :].T
+        touched = [
+            self._lower(weights, rows[start:end], sign=sign)
+            for start, end, sign in ((ends[0], ends[1], 1.0), (ends[1], ends[2], -1.0))
+        ]
+        return max(touched)
+
+    def _lower(self, weights: NDArray[np.intp], rows: NDArray[np.float64], *, sign: float) -> int:
+        """Takes sign G G^T off the covariance, for G^T = rows; returns how many weights that touches."""
+        falls = np.einsum("sk,sk->k", rows, rows)
+        touched = np.flatnonzero(falls > _ROW_TOLERANCE * self._settings.tolerance)
+        if touched.size > 0:
+            self.covariance.lower(weights[touched], rows[:, touched].T, sign=sign)
+        return touched.size
+
+    def _smallest_share(self) -> float:
+        # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
+        return max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15)
+
+    def _shrinkage_root(self, factor: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns Z with Z Z^T = I - D^-1 for D = Q Q^T, without the directions that the reading left as
+        they were.
+        """
+        identity = np.eye(len(factor))
+        shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
+        return pivoted_cholesky(shrinkage, self._smallest_share())[0]

@@ -1,0 +1,166 @@
+"""What one reading says: the variational posterior of a latent in the reading's own coordinates.
+
+The latent at the reading's n points is f = m + B z with z ~ N(0, I) before the reading. Each round sets
+lambda(xi) from xi^2 = E[f^2] and solves for the posterior of z. Only xi moves from round to round: the
+prior stays what it was before the reading, or one reading would count several times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, cholesky, get_blas_funcs, get_lapack_funcs
+
+from ..likelihood import agreed_mean, bound_curvature, expected_label
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingPosterior:
+    """Posterior of z: precision D = I + 2 B^T diag(lambda) B = Q Q^T and mean."""
+
+    mean: NDArray[np.float64]
+    """Posterior mean of z, shape (r,)."""
+    cholesky: NDArray[np.float64]
+    """Q, lower triangular, shape (r, r)."""
+    scaled_basis: NDArray[np.float64]
+    """sqrt(2 lambda_n) B_n, so that D = I + scaled^T scaled, shape (n, r)."""
+    curvature: NDArray[np.float64]
+    """lambda at each point, shape (n,)."""
+    labels: NDArray[np.float64]
+    """Expected true label of each point, shape (n,)."""
+
+    def move(self, prior_draws: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+        """Returns what turns draws of z from N(0, I), shape (r, S), into draws about the posterior mean.
+
+        D^-1 (z + e) with e ~ N(0, D - I) has covariance D^-1 (I + D - I) D^-1 = D^-1.
+        """
+        noise = self.scaled_basis.T @ rng.standard_normal((len(self.scaled_basis), prior_draws.shape[1]))
+        return cho_solve((self.cholesky, True), prior_draws + noise, check_finite=False) - prior_draws
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingChange:
+    """What another lambda for an earlier reading does to z: precision D = V diag(d) V^T, of either sign
+    about I.
+    """
+
+    mean: NDArray[np.float64]
+    """Change of the mean of z, shape (r,)."""
+    precisions: NDArray[np.float64]
+    """d, shape (r,)."""
+    axes: NDArray[np.float64]
+    """V, shape (r, r)."""
+    curvature: NDArray[np.float64]
+    """The new lambda at each point, shape (n,)."""
+    labels: NDArray[np.float64]
+    """The new expected true labels, shape (n,)."""
+
+    def root(self, sign: float, tolerance: float) -> NDArray[np.float64]:
+        """Returns Z with Z Z^T the part of sign (I - D^-1) that is positive and above a tolerance."""
+        share = sign * (1 - 1 / self.precisions)
+        chosen = share > tolerance
+        return self.axes[:, chosen] * np.sqrt(share[chosen])
+
+    def move(self, prior_draws: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns what turns draws of z from N(0, I) into draws of covariance D^-1: z' = D^-1/2 z."""
+        scaled = self.axes * (1 / np.sqrt(self.precisions) - 1)
+        return scaled @ (self.axes.T @ prior_draws)
+
+
+def refit_reading(
+    mean: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    log_odds: NDArray[np.float64],
+    curvature: NDArray[np.float64],
+    labels: NDArray[np.float64],
+    n_iterations: int,
+) -> ReadingChange:
+    """Returns more rounds for a reading that the belief already holds, with xi from the belief of now.
+
+    Args:
+        mean: Latent mean m at each point now, shape (n,).
+        basis: B now, shape (n, r).
+        log_odds: What each label says of its point, shape (n,).
+        curvature: lambda with which the belief holds the reading, shape (n,).
+        labels: Expected labels with which it does, shape (n,).
+        n_iterations: How many rounds, at least 1.
+    """
+    xi_squared = np.einsum("nr,nr->n", basis, basis) + mean**2
+    change = _refit(xi_squared, mean, mean, basis, log_odds, curvature, labels)
+    for _ in range(n_iterations - 1):
+        latent_mean = mean + basis @ change.mean
+        xi_squared = (basis @ change.axes) ** 2 @ (1 / change.precisions) + latent_mean**2
+        change = _refit(xi_squared, latent_mean, mean, basis, log_odds, curvature, labels)
+    return change
+
+
+def _refit(
+    xi_squared: NDArray[np.float64],
+    latent_mean: NDArray[np.float64],
+    mean: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    log_odds: NDArray[np.float64],
+    curvature: NDArray[np.float64],
+    labels: NDArray[np.float64],
+) -> ReadingChange:
+    """Returns one round: the change from the lambda and labels that are held to those of a given xi and
+    mean.
+    """
+    new_curvature, new_labels = bound_curvature(np.sqrt(xi_squared)), expected_label(latent_mean, log_odds)
+    change = 2 * (new_curvature - curvature)
+    precisions, axes = np.linalg.eigh(np.eye(basis.shape[1]) + basis.T @ (change[:, None] * basis))
+    # What stays is the precision of the prior and the other readings, so d > 0, up to what compression blurs.
+    precisions = np.maximum(precisions, 1e-3)
+    gradient = basis.T @ (new_labels - labels - change * mean)
+    shift = axes @ (axes.T @ gradient / precisions)
+    return ReadingChange(shift, precisions, axes, new_curvature, new_labels)
+
+
+def fit_reading(
+    prior_mean: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    log_odds: NDArray[np.float64],
+    n_iterations: int,
+) -> ReadingPosterior:
+    """Returns the posterior of z given the labels of a reading.
+
+    Args:
+        prior_mean: Latent mean m at each point before the reading, shape (n,).
+        basis: B, shape (n, r).
+        log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
+        n_iterations: Rounds of lambda, then posterior.
+    """
+    # The first round lets a label speak for itself: a low prior alone would call every hit an error.
+    labels = expected_label(0.0, log_odds)
+    xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
+    posterior = _solve(xi_squared, prior_mean, basis, labels)
+    (invert_triangle,) = get_lapack_funcs(("trtri",), (basis,))
+    (multiply_triangle,) = get_blas_funcs(("trmm",), (basis,))
+    for _ in range(n_iterations - 1):
+        inverse = posterior.cholesky
+        if basis.shape[1]:  # LAPACK complains aloud of an empty matrix
+            inverse, _ = invert_triangle(inverse, lower=True)
+        spread = multiply_triangle(1.0, inverse, basis.T, lower=True)
+        mean = prior_mean + basis @ posterior.mean
+        # xi^2 = phi Sigma' phi + (b + phi . mu')^2
+        xi_squared = np.einsum("rn,rn->n", spread, spread) + mean**2
+        posterior = _solve(xi_squared, prior_mean, basis, expected_label(mean, log_odds))
+    return posterior
+
+
+def _solve(
+    xi_squared: NDArray[np.float64],
+    prior_mean: NDArray[np.float64],
+    basis: NDArray[np.float64],
+    labels: NDArray[np.float64],
+) -> ReadingPosterior:
+    """Returns the posterior under the bound at given xi, from the prior N(0, I) of z."""
+    curvature = bound_curvature(np.sqrt(xi_squared))
+    scaled = np.sqrt(2 * curvature)[:, None] * basis
+    precision = scaled.T @ scaled
+    precision[np.diag_indices_from(precision)] += 1
+    factor = cholesky(precision, lower=True, check_finite=False)
+    mean = cho_solve((factor, True), basis.T @ (labels - 0.5 - 2 * curvature * prior_mean))
+    return ReadingPosterior(mean, factor, scaled, curvature, labels)

@@ -1,0 +1,79 @@
+"""The frontier of what was found: unsensed places in and beside likely tumour, and the poses that see most of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+from scipy.special import expit
+
+from mapping import Prediction
+
+from ..cone import Cone
+from ..visibility import visibility
+from ..workspace import Workspace
+from .fine_lattice import FineLattice
+from .hidden_balls import distance_to_cones
+
+_CUBE_M = 0.03
+"""Points are handled cube by cube of this side [m], so that most poses drop out at once."""
+
+
+def probability_at(lattice: FineLattice, prediction: Prediction) -> NDArray[np.float64]:
+    """Probability of tumour at the fine points, shape (F,): of the interpolated score, which is smooth."""
+    return expit(lattice.interpolate(prediction.score))
+
+
+def sensed_points(
+    workspace: Workspace, cone: Cone, sensed: tuple[int, ...], points_m: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which points lay in the cone of a sensed pose, shape (F,)."""
+    if not sensed or not len(points_m):
+        return np.zeros(len(points_m), dtype=bool)
+    some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
+    return np.asarray(visibility(some, cone, points_m).any(axis=1))
+
+
+def seen_weight(
+    workspace: Workspace, cone: Cone, points_m: NDArray[np.float64], weights: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Sum of the weights of the points in each pose's cone, shape (N,).
+
+    Args:
+        workspace: The N poses.
+        cone: What one of them sees.
+        points_m: Points [m], shape (F, 3).
+        weights: Theirs, shape (F,).
+    """
+    total = np.zeros(workspace.n_poses)
+    if not len(points_m):
+        return total
+    _, cube_of = np.unique(np.floor(points_m / _CUBE_M).astype(int), axis=0, return_inverse=True)
+    for cube in range(cube_of.max() + 1):
+        inside = points_m[cube_of.ravel() == cube]
+        middle_m = (inside.min(axis=0) + inside.max(axis=0)) / 2
+        radius_m = np.linalg.norm(inside - middle_m, axis=1).max()
+        poses = np.flatnonzero(distance_to_cones(workspace, cone, middle_m[None])[0] <= radius_m + 1e-6)
+        if poses.size:
+            some = Workspace(workspace.positions_m[poses], workspace.normals[poses])
+            total[poses] += weights[cube_of.ravel() == cube] @ visibility(some, cone, inside)
+    return total
+
+
+def n_clusters(points_m: NDArray[np.float64], gap_m: float) -> int:
+    """How many clusters points form whose cubes of side `gap_m` do not touch.
+
+    Args:
+        points_m: Points [m], shape (P, 3).
+        gap_m: Side of the cubes [m].
+    """
+    if not len(points_m):
+        return 0
+    cubes = np.floor(points_m / gap_m).astype(int)
+    cubes -= cubes.min(axis=0)
+    is_taken = np.zeros(cubes.max(axis=0) + 1, dtype=bool)
+    is_taken[tuple(cubes.T)] = True
+    numbered: Any = label(is_taken, structure=np.ones((3, 3, 3)))  # the stubs know one of its two forms
+    return int(numbered[1])

@@ -1,0 +1,130 @@
+"""The program behind `sounding trials`: the trials of a study that are not done yet, their journal and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from tqdm import tqdm
+
+from sim.campaign.engines.engine import Engine, Outcome, make_engine
+from sim.cli.trials_options import TrialsOptions
+from sim.errors import UsageError
+from sim.interrupt import NotedInterrupt
+
+from .campaign_folder import CampaignFolder
+from .study import Trial
+
+NOTICE = (
+    "stopping: finished trials are kept, those under way are dropped and run by the next call; "
+    "Ctrl-C again stops at once."
+)
+
+
+@dataclass(frozen=True)
+class CampaignSummary:
+    """What a call came to."""
+
+    folder: Path
+    n_trials: int
+    """Trials of the study."""
+    n_done: int
+    """Trials that the folder holds, failed ones too."""
+    n_failed: int
+    n_run: int
+    """Trials that this call ran."""
+    n_damaged: int
+    """Lines of the journal that were not whole, whose trials were run again."""
+    is_interrupted: bool
+
+
+def run_trials(options: TrialsOptions) -> CampaignSummary:
+    """Run the trials of a study that its folder does not hold yet, and write its tables.
+
+    Raises:
+        UsageError: Something asked for cannot be done; what the folder held is kept.
+        OSError: The disk is full, for example; what was done is kept.
+    """
+    study = options.make_study()
+    with CampaignFolder(options.out_folder(study), overwrite=options.overwrite) as folder:
+        folder.begin(study, any_version=options.any_version)
+        with NotedInterrupt(NOTICE) as interrupt:
+            open_trials = [trial for trial in study.trials() if _is_open(folder, trial, options)]
+            n_run = 0
+            if open_trials:
+                with make_engine(options.engine, n_jobs=options.jobs, address=options.address) as engine:
+                    n_run = _run(engine, folder, _with_folders(open_trials, options, folder), interrupt)
+            is_interrupted = interrupt.is_set and n_run < len(open_trials)
+        folder.write_tables(study)
+        return CampaignSummary(
+            folder=folder.path,
+            n_trials=len(study),
+            n_done=len(folder.journal),
+            n_failed=folder.journal.n_failed,
+            n_run=n_run,
+            n_damaged=folder.journal.n_damaged,
+            is_interrupted=is_interrupted,
+        )
+
+
+def _is_open(folder: CampaignFolder, trial: Trial, options: TrialsOptions) -> bool:
+    key = trial.key
+    return key not in folder.journal or (options.retry_failed and folder.journal.is_failed(key))
+
+
+def _with_folders(trials: list[Trial], options: TrialsOptions, folder: CampaignFolder) -> list[Trial]:
+    if not options.folders:
+        return trials
+    return [replace(trial, folder=folder.path.absolute() / "trials" / trial.name) for trial in trials]
+
+
+def _run(engine: Engine, folder: CampaignFolder, trials: list[Trial], interrupt: NotedInterrupt) -> int:
+    """Run trials, each in the journal as it ends; returns how many ended."""
+    n_run, n_actions = 0, 0
+    n_failed = folder.journal.n_failed
+    n_before = len(folder.journal)
+    with tqdm(total=n_before + len(trials), initial=n_before, desc="trials", unit="trial") as progress:
+        for outcome in engine.outcomes(trials):
+            if outcome is not None:
+                _keep(folder, outcome)
+                n_run += 1
+                n_actions += outcome.result.row.get("n_sensings") or 0
+                n_failed += outcome.result.row["status"] != "finished"
+                seconds = max(progress.format_dict["elapsed"], 1e-9)
+                progress.set_postfix_str(_postfix(n_actions / seconds, n_failed), refresh=False)
+                progress.update()
+            if interrupt.is_set:
+                break
+    return n_run
+
+
+def _keep(folder: CampaignFolder, outcome: Outcome) -> None:
+    """Write an outcome to the journal.
+
+    Raises:
+        UsageError: It cannot be written.
+    """
+    try:
+        folder.journal.append(outcome.result.entry(outcome.trial))
+    except OSError as error:
+        raise UsageError(
+            f"{folder.journal.path}: {error.strerror}. The {len(folder.journal)} trials that ended before are "
+            "kept: make room and call again to go on."
+        ) from error
+
+
+def _postfix(actions_per_s: float, n_failed: int) -> str:
+    return f"{actions_per_s:.1f} actions/s" + (f", {n_failed} failed" if n_failed else "")
+
+
+def campaign_text(summary: CampaignSummary) -> str:
+    """What a call came to, as text for a terminal."""
+    lines = [f"{summary.n_done} of {summary.n_trials} trials done, {summary.n_run} of them by this call"]
+    if summary.n_failed:
+        lines.append(
+            f"{summary.n_failed} failed: their rows in trials.csv say why; --retry-failed runs them again"
+        )
+    if summary.n_damaged:
+        lines.append(f"{summary.n_damaged} lines of the journal were not whole; their trials were run again")
+    lines.append(f"written to {summary.folder}")
+    return "\n".join(lines)

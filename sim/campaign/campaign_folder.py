@@ -1,0 +1,135 @@
+"""The folder of a campaign: whose study it is, its journal, and the tables made from it."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mapping.storage import replacing
+from sim.episode.scenario import load_scenario
+from sim.errors import UsageError
+from sim.record.locked_folder import LockedFolder
+from sim.record.run_folder import describe_machine
+
+from .journal import Journal
+from .study import Study
+from .tables import TABLES, write_tables
+
+FORMAT = 1
+STUDY, JOURNAL = "study.json", "journal.jsonl"
+CODE = ("sounding", "commit", "packages")
+"""What of the machine's description the rows depend on."""
+
+
+class CampaignFolder(LockedFolder):
+    """A folder that one call owns while it is open, as a context manager."""
+
+    journal: Journal
+    """The trials done, from `begin` on."""
+
+    def __init__(self, path: Path, *, overwrite: bool = False) -> None:
+        """Claim a folder; an earlier campaign in it is removed when `overwrite` is set.
+
+        Raises:
+            UsageError: The folder holds something else, belongs to a running call, or cannot be written.
+        """
+        super().__init__(path, what="campaign", overwrite=False)
+        if overwrite:
+            for name in (STUDY, JOURNAL, *TABLES):
+                (path / name).unlink(missing_ok=True)
+
+    def begin(self, study: Study, *, any_version: bool = False) -> None:
+        """Open the journal for a study.
+
+        Raises:
+            UsageError: The folder holds trials of another study, of other input files, or of another version.
+        """
+        present = {
+            "format": FORMAT,
+            "study": study.describe(),
+            "inputs": _inputs(study),
+            "machine": describe_machine(),
+        }
+        present["machine"].pop("blas_threads")  # of this process; a trial's process has one, always
+        present["blas_threads_per_trial"] = 1
+        before = read_study(self.path)
+        if before is not None:
+            self._check_same(before, present, any_version=any_version)
+        self.journal = Journal(self.path / JOURNAL)
+        strangers = self.journal.keys() - {trial.key for trial in study.trials()} if len(self.journal) else ()
+        if strangers:
+            self.journal.close()
+            raise UsageError(
+                f"{self.path}: holds another study; this one has no trial {min(strangers)}. "
+                "Choose another --out, or add --overwrite to replace it."
+            )
+        with replacing(self.path / STUDY) as file:
+            file.write((json.dumps(present, indent=2) + "\n").encode())
+
+    def _check_same(
+        self, before: Mapping[str, Any], present: Mapping[str, Any], *, any_version: bool
+    ) -> None:
+        for name, content in present["inputs"].items():
+            if before["inputs"].get(name, content) != content:
+                raise UsageError(
+                    f"{self.path}: was begun with another {name}. Choose another --out, or add --overwrite."
+                )
+        for name in () if any_version else CODE:
+            old, new = before["machine"][name], present["machine"][name]
+            if old != new:
+                raise UsageError(
+                    f"{self.path}: was begun with another version ({name} {old}, now {new}). Choose another "
+                    "--out, add --overwrite to begin anew, or --any-version to go on nevertheless."
+                )
+
+    def write_tables(self, study: Study) -> None:
+        """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet."""
+        write_tables(self.path, self.journal, study)
+
+    def close(self) -> None:
+        """Close the journal and let the folder go."""
+        if hasattr(self, "journal"):
+            self.journal.close()
+        super().close()
+
+
+def read_study(path: Path) -> dict[str, Any] | None:
+    """What a folder's study.json says, None where there is none.
+
+    Raises:
+        UsageError: It is none that this version understands.
+    """
+    try:
+        content = json.loads((path / STUDY).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path / STUDY}: cannot be read ({error}).") from error
+    if content.get("format") != FORMAT:
+        raise UsageError(f"{path / STUDY}: format {content.get('format')}, but this version reads {FORMAT}.")
+    return content
+
+
+def _inputs(study: Study) -> dict[str, Any]:
+    """What the study's scenarios and files hold: they decide about rows as much as the options do."""
+    inputs: dict[str, Any] = {}
+    for trial, _ in study.first_trials():
+        options = trial.options
+        scenario = options.make_scenario()
+        inputs[f"scenario {options.scenario}"] = json.loads(
+            json.dumps(dataclasses.asdict(load_scenario(options.scenario)))
+        )
+        patient = (
+            *scenario.tumour_files,
+            *scenario.target_files,
+            *scenario.structure_files,
+            *scenario.keepout_files,
+        )
+        for file in (options.arm, scenario.organ, *patient):
+            if Path(file).is_file():
+                inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return inputs

@@ -1,0 +1,117 @@
+"""The tables of a campaign, made from its journal: rows in the order of the study, whatever the order of running."""
+
+from __future__ import annotations
+
+import csv
+import io
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mapping.storage import replacing
+from sim.record.run_folder import table_cell
+
+from .journal import Entry, Journal
+from .study import LEADING, Study
+from .trial_result import RECALL_LEVELS
+
+TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
+CURVES = ("auprc", "sensed_fraction", "precision")
+TARGET_CURVES = tuple(f"target_{name}" for name in CURVES)
+"""Those of a second class."""
+ROUNDS_OF_PARQUET_BYTES = 1 << 26
+"""CSV read at once to find a column's type."""
+
+
+def write_tables(folder: Path, journal: Journal, study: Study) -> None:
+    """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet.
+
+    Args:
+        folder: Where to write.
+        journal: The trials done.
+        study: Gives the order of the rows.
+    """
+
+    def entries() -> Iterator[Entry]:
+        return journal.entries(trial.key for trial in study.trials())
+
+    settings = _columns(entry["settings"] for entry in entries())
+    keys = [*LEADING, *(name for name in settings if name not in LEADING)]
+    row_columns = _columns(entry["row"] for entry in entries())
+    columns = [
+        *keys,
+        "status",
+        *(name for name in row_columns if name not in (*keys, "status", "error")),
+        "error",
+    ]
+    _write_csv(folder / "trials.csv", columns, (entry["row"] | entry["settings"] for entry in entries()))
+    timed = [*keys, *_columns(entry["timings"] for entry in entries())]
+    _write_csv(folder / "timings.csv", timed, (entry["settings"] | entry["timings"] for entry in entries()))
+    with replacing(folder / "curves.npz") as file:
+        np.savez_compressed(file, **curve_arrays(entries()))  # type: ignore[arg-type]
+    _write_parquet(folder)
+
+
+def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
+    """The curves of all rows, one after the other.
+
+    Returns:
+        `first` and `count`, shape (rows,): where each row's actions begin and how many there are; `auprc` and
+        `sensed_fraction` after each action, NaN where there is none; `precision`, shape (rows, 50), at `recall`,
+        NaN in rows without a map. Where any row has a second class, `target_auprc`, `target_sensed_fraction` and
+        `target_precision` are its, NaN in rows without one.
+    """
+    counts, columns = array("q"), {name: array("f") for name in (*CURVES, *TARGET_CURVES)}
+    has_target = False
+    for entry in entries:
+        curves = entry["curves"]
+        n_actions = len(curves.get("sensed_fraction", []))
+        counts.append(n_actions)
+        has_target |= "target_sensed_fraction" in curves
+        for name, column in columns.items():
+            length = len(RECALL_LEVELS) if name.endswith("precision") else n_actions
+            column.extend(_floats(curves.get(name) or [None] * length))
+    count = np.asarray(counts, dtype=np.int64)
+    arrays = {"first": np.cumsum(count) - count, "count": count}
+    for name in (*CURVES, *(TARGET_CURVES if has_target else ())):
+        values = np.asarray(columns[name], dtype=np.float32)
+        arrays[name] = values.reshape(-1, len(RECALL_LEVELS)) if name.endswith("precision") else values
+    return arrays | {"recall": RECALL_LEVELS}
+
+
+def _columns(rows: Iterator[Mapping[str, Any]]) -> list[str]:
+    """Names of all columns, in the order in which rows first have them."""
+    columns: dict[str, None] = {}
+    for row in rows:
+        columns |= dict.fromkeys(row)
+    return list(columns)
+
+
+def _write_csv(path: Path, columns: Sequence[str], rows: Iterator[Mapping[str, Any]]) -> None:
+    with replacing(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        for row in rows:
+            writer.writerow([table_cell(row.get(name)) for name in columns])
+        text.flush()
+        text.detach()
+
+
+def _floats(values: Sequence[float | None]) -> list[float]:
+    return [np.nan if value is None else value for value in values]
+
+
+def _write_parquet(folder: Path) -> None:
+    try:
+        from pyarrow import csv as arrow_csv
+        from pyarrow import parquet
+    except ImportError:
+        return
+    reading = arrow_csv.ReadOptions(block_size=ROUNDS_OF_PARQUET_BYTES)
+    table = arrow_csv.read_csv(folder / "trials.csv", read_options=reading)
+    with replacing(folder / "trials.parquet") as file:
+        parquet.write_table(table, file)

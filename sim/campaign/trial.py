@@ -1,0 +1,154 @@
+"""One trial of a campaign, as a worker process runs it: an episode without a folder, and its row."""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+import threading
+import traceback
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from mapping import Prediction, precision_recall_curve
+from sim.episode.episode import Episode
+from sim.episode.setup import Setup, build_setup
+from sim.running.options import EpisodeOptions
+from sim.running.run import arm_model, make_episode, run_episode
+from sim.running.summary import Totals, episode_summary
+
+from .lookahead import Lookahead
+from .trial_result import RECALL_LEVELS, TrialResult
+
+CURVE_DIGITS = 6
+"""Decimals of the curves that are kept; scores in the rows have all their digits."""
+MEASURED = ("setup_s", "render_s", "wall_s")
+"""Keys of a summary that hold measured seconds, besides those of the steps."""
+
+_one_at_a_time = threading.Lock()
+"""A setup's kinematics are one process's, and one trial's at a time, whatever the threads of a cluster's worker."""
+_setups: dict[tuple[Any, ...], Setup] = {}
+
+
+def run_trial(options: EpisodeOptions) -> TrialResult:
+    """Run one trial with one BLAS thread. What it raises becomes its status, so that a campaign goes on.
+
+    Args:
+        options: The episode. Where `out` is set, the episode's folder is written there.
+    """
+    start_s = perf_counter()
+    with _one_at_a_time, threadpool_limits(limits=1):
+        try:
+            return _run(options, start_s)
+        except Exception as error:  # the campaign's boundary: whatever fails is a row, not the campaign's end
+            row = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
+            return TrialResult(row, _costs(start_s), traceback=traceback.format_exc())
+
+
+def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
+    setup, stage_s = _setup(options)
+    if options.out is not None:
+        write_trial_folder(options)
+    setup_start_s = perf_counter()
+    planner = options.make_planner()
+    ahead = planner if planner.needs_belief else Lookahead(planner, setup.positioner)
+    episode = make_episode(options, setup, planner=ahead, casts_rays=options.keeps_map())
+    setup_s = perf_counter() - setup_start_s
+    totals = Totals()
+    steps = episode.steps(
+        options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
+    )
+    for step in steps:
+        totals.add(step)
+    summary = episode_summary(options, episode, totals, episode.metrics())
+    measured = (*totals.seconds(), *MEASURED)
+    row = {"status": "finished"} | {
+        key: _plain(value) for key, value in summary.items() if key not in measured
+    }
+    timings = totals.seconds() | {"setup_s": setup_s, "stage_s": stage_s} | _costs(start_s)
+    if isinstance(ahead, Lookahead):  # solved while the planner ranked
+        timings |= {"plan_s": timings["plan_s"] - ahead.prepare_s, "ik_s": timings["ik_s"] + ahead.prepare_s}
+    return TrialResult(row, timings, _curves(episode, totals))
+
+
+def write_trial_folder(options: EpisodeOptions) -> None:
+    """Run an episode and write its folder, on the process's setup."""
+    run_episode(options, setup=_setup(options)[0], show_progress=False)
+
+
+def _setup(options: EpisodeOptions) -> tuple[Setup, float]:
+    """The setup of an episode and the time that building it took; the process's last one is kept."""
+    settings, scenario = options.make_map_settings(), options.make_scenario()
+    base = (options.base_mm, options.base_yaw_deg)
+    key = (scenario, options.arm, options.flange, base, settings.hinge_spacing_m)
+    start_s = perf_counter()
+    if key not in _setups:
+        _setups.clear()
+        _setups[key] = build_setup(scenario, arm_model(options), settings)
+    return _setups[key], perf_counter() - start_s
+
+
+def _curves(episode: Episode, totals: Totals) -> dict[str, list[float | None]]:
+    curves: dict[str, list[float | None]] = {
+        "sensed_fraction": [_rounded(step.sensed_fraction) for step in totals.steps]
+    }
+    if episode.prediction is not None:
+        curves["auprc"] = [_rounded(step.auprc) for step in totals.steps]
+        curves["precision"] = _final_precision(episode.prediction, episode.truth.is_tumour)
+    if (target := episode.target) is not None:
+        scores = [step.target for step in totals.steps if step.target is not None]  # all of them
+        curves["target_sensed_fraction"] = [_rounded(score.sensed_fraction) for score in scores]
+        if target.prediction is not None:
+            curves["target_auprc"] = [_rounded(score.auprc) for score in scores]
+            curves["target_precision"] = _final_precision(target.prediction, target.truth.is_target)
+    return {name: values for name, values in curves.items() if values}
+
+
+def _final_precision(prediction: Prediction, truth: NDArray[np.bool_]) -> list[float | None]:
+    """Precision of a map at each of `RECALL_LEVELS`; empty where nothing is there to be found."""
+    if not truth.any():
+        return []
+    curve = precision_recall_curve(prediction.score, truth)
+    return [_rounded(p) for p in precision_at(curve.recall, curve.precision)]
+
+
+def precision_at(recall: NDArray[np.float64], precision: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Precision where each of `RECALL_LEVELS` is first met, as the area under the curve counts it, shape (50,).
+
+    Args:
+        recall: Rising recall, from 0 to 1, shape (K,).
+        precision: Precision there, shape (K,).
+    """
+    return precision[np.searchsorted(recall, RECALL_LEVELS - 1e-12)]
+
+
+def _costs(start_s: float) -> dict[str, float]:
+    """Wall time since the start and the process's greatest memory."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return {
+        "wall_s": perf_counter() - start_s,
+        "peak_memory_mb": peak / (2**20 if sys.platform == "darwin" else 2**10),
+        "process": os.getpid(),
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(float(value), CURVE_DIGITS)
+
+
+def _plain(value: Any) -> Any:
+    """JSON's form of a summary's value: NaN is none, a path is text."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return str(value) if isinstance(value, Path) else value

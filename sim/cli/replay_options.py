@@ -1,0 +1,46 @@
+"""What can be asked of a replay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sim.errors import UsageError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayOptions:
+    """Show what happened in a run, from its recorded states.
+
+    Prints a line per action and checks each against the table of the run; with --video renders an MP4 as well. Nothing
+    is planned or solved again.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Folder of a run of `sounding episode`."""
+    video: Path | None = None
+    """MP4 file to write. Needs PyAV: pip install 'sounding[video]'."""
+    fps: int = 25
+    """Frames a second, from 1 to 120."""
+    speed: float = 4.0
+    """How many times faster than it happened."""
+    width_px: int = 960
+    """Width of the video [pixels], even, from 64 to 1920."""
+    height_px: int = 720
+    """Height of the video [pixels], even, from 64 to 1440."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not 1 <= self.fps <= 120:
+            raise UsageError(f"--fps {self.fps}: from 1 to 120.")
+        if not 0.01 <= self.speed <= 1000.0:
+            raise UsageError(f"--speed {self.speed}: from 0.01 to 1000.")
+        for name, most in (("width_px", 1920), ("height_px", 1440)):
+            value = getattr(self, name)
+            if not 64 <= value <= most or value % 2:
+                raise UsageError(f"--{name.replace('_', '-')} {value}: an even number from 64 to {most}.")
+        if self.video is not None and self.video.suffix.lower() != ".mp4":
+            raise UsageError(f"--video {self.video}: must end with .mp4.")

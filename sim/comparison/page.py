@@ -1,0 +1,207 @@
+"""The page of a comparison: `report.html`, with tables, intervals, curves and links to the runs that have folders."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mapping.storage import replacing
+from sim.campaign.study import Trial, options_of
+from sim.campaign.trial_result import RECALL_LEVELS
+from sim.report.page import REPORT, environment
+
+from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
+from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
+from .tables import failures, interval_text, number_text
+from .trial_groups import TrialGroup
+
+TEMPLATES = Path(__file__).resolve().parent / "assets"
+
+
+def write_comparison_page(
+    folder: Path,
+    comparison: Comparison,
+    *,
+    notes: Sequence[str],
+    campaigns: Sequence[Path],
+    views: Path | None = None,
+) -> Path:
+    """Write the report of a comparison; returns the file.
+
+    Args:
+        folder: Where to write.
+        comparison: What is compared.
+        notes: Sentences about the campaigns.
+        campaigns: Their folders, in which episodes' folders are looked for.
+        views: Folder of the runs that were drawn again.
+    """
+    names = list(dict.fromkeys(group.contender for group in comparison.groups))
+    n_trials = sum(len(group.entries) for group in comparison.groups)
+    text = environment(TEMPLATES).get_template("comparison.html.j2").render(
+        title=", ".join(path.resolve().name for path in campaigns),
+        lede=_lede(comparison, names, n_trials),
+        notes=notes,
+        cases=[_case(comparison, case, names, folder, campaigns) for case in comparison.cases],
+        views=_views(views, folder),
+    )  # fmt: skip
+    with replacing(folder / REPORT) as file:
+        file.write(text.encode())
+    return folder / REPORT
+
+
+def _lede(comparison: Comparison, names: Sequence[str], n_trials: int) -> str:
+    cases = len(comparison.cases)
+    return (
+        f"{n_trials:,} trials of {len(names)} {'contender' if len(names) == 1 else 'contenders'} in {cases} "
+        f"{'case' if cases == 1 else 'cases'}. Contenders given one seed face the same tumours. Intervals hold 95 %."
+    )
+
+
+def _case(
+    comparison: Comparison, case: str, names: Sequence[str], folder: Path, campaigns: Sequence[Path]
+) -> dict[str, Any]:
+    groups = comparison.groups_of(case)
+    scores = [score for score in comparison.scores if score.case == case]
+    pairings = [pairing for pairing in comparison.pairings if pairing.case == case]
+    measures = dict.fromkeys(score.measure for score in scores)
+    return {
+        "title": case,
+        "failures": failures(comparison, case),
+        "legend": legend(names),
+        "charts": _charts(comparison, case, groups, names),
+        "measures": [
+            _measure(
+                measure,
+                [score for score in scores if score.measure == measure],
+                [pairing for pairing in pairings if pairing.measure == measure],
+                names,
+            )
+            for measure in measures
+        ],
+        "runs": [runs for group in groups if (runs := _runs(group, folder, campaigns))],
+    }
+
+
+def _charts(
+    comparison: Comparison, case: str, groups: Sequence[TrialGroup], names: Sequence[str]
+) -> list[dict[str, str]]:
+    mapped = [group for group in groups if comparison.score(case, group.contender, "auprc")]
+    found = [group for group in groups if comparison.score(case, group.contender, SENSINGS.key)]
+    charts = []
+    if found:
+        charts.append(
+            ("Trials that got to 95 %", "share of trials (up) against sensing actions (across)",
+             series_chart([_reached(group, names) for group in found], is_log=True,
+                          label="Share of trials that had sensed 95 % after each number of actions"))
+        )  # fmt: skip
+    if mapped:
+        curves = [_banded(group, "auprc", np.arange(1.0, group.n_steps + 1), names) for group in mapped]
+        charts.append(("AUPRC of the map", "mean and standard deviation against sensing actions",
+                       series_chart(curves, label="AUPRC after each action")))  # fmt: skip
+        curves = [_banded(group, "precision", np.asarray(RECALL_LEVELS), names) for group in mapped]
+        svg = series_chart(curves, is_unit=True, label="Precision at each recall of the last maps")
+        charts.append(("Precision and recall", "of the last maps, mean and standard deviation", svg))
+    return [{"title": t, "note": note, "svg": svg} for t, note, svg in charts]
+
+
+def _reached(group: TrialGroup, names: Sequence[str]) -> Series:
+    needed = np.sort(group.sensings_to_95())
+    shares = np.arange(1, len(needed) + 1) / len(needed)
+    is_there = np.isfinite(needed)
+    end = shares[is_there][-1] if is_there.any() else 0.0
+    return Series(
+        name=group.contender, index=names.index(group.contender), is_step=True,
+        x=np.concatenate([[1.0], needed[is_there], [max(group.n_steps, 2)]]),
+        middle=np.concatenate([[0.0], shares[is_there], [end]]),
+    )  # fmt: skip
+
+
+def _banded(group: TrialGroup, key: str, x: np.ndarray, names: Sequence[str]) -> Series:
+    curves = group.curve(key)
+    mean = curves.mean(axis=0)
+    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
+    return Series(
+        name=group.contender, index=names.index(group.contender), x=x[: len(mean)], middle=mean,
+        low=np.clip(mean - deviation, 0, 1), high=np.clip(mean + deviation, 0, 1),
+    )  # fmt: skip
+
+
+def _measure(
+    measure: Measure, scores: Sequence[Score], pairings: Sequence[Pairing], names: Sequence[str]
+) -> dict[str, Any]:
+    horizon = scores[0].horizon
+    span = span_of([s.estimate.mean for s in scores], [s.estimate.interval for s in scores], from_zero=True)
+    pair_span = span_of(
+        [p.estimate.difference.mean for p in pairings] or [0.0],
+        [p.estimate.difference.interval for p in pairings], from_zero=True,
+    )  # fmt: skip
+    return {
+        "title": measure.label[0].upper() + measure.label[1:],
+        "better": "lower is better" if measure.lower_is_better else "higher is better",
+        "note": "" if math.isinf(horizon) else (
+            f"Not every trial got there. Means are restricted to {horizon:.0f} actions: a trial that needs more, or "
+            "never gets there, counts with that number. Medians are of all trials."
+        ),
+        "has_never": measure is SENSINGS,
+        "scores": [_score_row(score, span, names) for score in scores],
+        "pairs": [_pair_row(pairing, pair_span) for pairing in pairings],
+    }  # fmt: skip
+
+
+def _score_row(score: Score, span: tuple[float, float], names: Sequence[str]) -> dict[str, Any]:
+    form, estimate = score.measure.form, score.estimate
+    index = names.index(score.contender)
+    return {
+        "name": score.contender,
+        "colour": f"c{index % N_COLOURS}",
+        "n": estimate.n,
+        "mean": f"{form.format(estimate.mean)} ± {number_text(estimate.deviation, form)}",
+        "interval": interval_text(estimate.interval, form),
+        "strip": strip(estimate.mean, estimate.interval, span, colour=f"c{index % N_COLOURS}"),
+        "median": f"{number_text(score.median, form)} {interval_text(score.median_interval, form)}",
+        "never": f"{score.n_never} of {estimate.n}",
+        "failed": score.n_failed,
+    }
+
+
+def _pair_row(pairing: Pairing, span: tuple[float, float]) -> dict[str, Any]:
+    form, estimate = pairing.measure.form, pairing.estimate
+    difference = estimate.difference
+    losses = estimate.n - estimate.n_wins - estimate.n_ties
+    return {
+        "name": f"{pairing.first} − {pairing.second}",
+        "n": estimate.n,
+        "difference": f"{form.format(difference.mean)} {interval_text(difference.interval, form)}",
+        "strip": strip(difference.mean, difference.interval, span, colour="ink", zero=True),
+        "wins": f"{estimate.n_wins} / {estimate.n_ties} / {losses}",
+        "rate": f"{estimate.win_rate:.0%} {interval_text(estimate.win_interval, '{:.0%}')}",
+    }
+
+
+def _runs(group: TrialGroup, folder: Path, campaigns: Sequence[Path]) -> dict[str, Any] | None:
+    """Links to the reports of a contender's trials, by seed; None where no trial has a folder."""
+    links = []
+    for entry in group.entries:
+        name = Trial(options_of(entry["settings"])).name
+        for campaign in campaigns:
+            report = campaign / "trials" / name / REPORT
+            if report.is_file():
+                links.append((entry["settings"]["seed"], _address(report, folder)))
+                break
+    return {"name": group.contender, "links": links} if links else None
+
+
+def _views(views: Path | None, folder: Path) -> list[tuple[str, str]]:
+    if views is None:
+        return []
+    return [(report.parent.name, _address(report, folder)) for report in sorted(views.glob(f"*/{REPORT}"))]
+
+
+def _address(report: Path, folder: Path) -> str:
+    """The way from a folder to a page, as a link has it."""
+    return Path(os.path.relpath(report, folder)).as_posix()

@@ -1,0 +1,156 @@
+"""Trial groups: the trials of one or more campaigns, by case (what is to find) and contender (what looks for it)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.campaign.campaign_folder import JOURNAL, read_study
+from sim.campaign.journal import Entry, read_entries
+from sim.campaign.study import SETUP_OPTIONS, default_of
+from sim.errors import UsageError
+
+ENDINGS = ("steps", "until_sensed")
+"""Options that say when an episode ends; they are told beside the groups, not in their names."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrialGroup:
+    """The trials of one contender in one case, by rising seed."""
+
+    case: str
+    contender: str
+    entries: tuple[Entry, ...]
+    """Of the trials that came to their end."""
+    failed: tuple[Entry, ...]
+    """Of the trials that did not."""
+
+    @property
+    def seeds(self) -> NDArray[np.int64]:
+        """Seeds of `entries`, shape (n,)."""
+        return np.array([entry["settings"]["seed"] for entry in self.entries], dtype=np.int64)
+
+    @property
+    def n_steps(self) -> int:
+        """Sensing actions at most."""
+        return int(self.setting("steps"))
+
+    def setting(self, name: str) -> Any:
+        """An option's value, the same for the whole group."""
+        return (self.entries or self.failed)[0]["settings"].get(name, default_of(name))
+
+    def values(self, key: str) -> NDArray[np.float64]:
+        """A column of the rows, shape (n,); NaN where it is empty or missing."""
+        values = [entry["row"].get(key) for entry in self.entries]
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+    def sensings_to_95(self) -> NDArray[np.float64]:
+        """Actions until 95 % of the tumours was sensed, shape (n,); infinite where that never came."""
+        values = self.values("sensings_to_95")
+        return np.where(np.isnan(values), np.inf, values)
+
+    def curve(self, name: str) -> NDArray[np.float64]:
+        """Values after each action, shape (n, longest); an episode that ended before keeps its last, NaN for none."""
+        curves = [entry["curves"].get(name) or [None] for entry in self.entries]
+        longest = max((len(curve) for curve in curves), default=0)
+        held = [[*curve, *[curve[-1]] * (longest - len(curve))] for curve in curves]
+        return np.array([[np.nan if v is None else v for v in row] for row in held], dtype=np.float64)
+
+
+def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None) -> list[TrialGroup]:
+    """The groups of campaigns, in the order in which they were run.
+
+    A case is all that decides about the truth: scenario, arm and probe. A contender is a planner with the settings
+    that differ among the trials at hand, and the folder where several folders hold the same.
+
+    Args:
+        folders: Folders of campaigns; one that still runs may be among them.
+        seeds: Seeds to look at; all by default.
+
+    Raises:
+        UsageError: A folder that holds no campaign, or no trial.
+    """
+    names = _names(folders)
+    held = [(name, _entries(folder)) for folder, name in names.items()]
+    entries = [(name, e) for name, es in held for e in es if seeds is None or e["settings"]["seed"] in seeds]
+    if not entries:
+        raise UsageError(f"{', '.join(map(str, folders))}: no trial is done there yet.")
+    is_ambiguous = _ambiguous([e for _, e in entries], len(names))
+    varying = _varying([entry["settings"] for _, entry in entries])
+    groups: dict[tuple[str, str], list[Entry]] = {}
+    for name, entry in entries:
+        contender = _contender(entry["settings"], varying)
+        if is_ambiguous:
+            contender += f" ({name})"
+        groups.setdefault((_case(entry["settings"]), contender), []).append(entry)
+    return [_group(case, contender, found) for (case, contender), found in groups.items()]
+
+
+def notes_on(folders: Sequence[Path]) -> list[str]:
+    """What a reader of a comparison should know about its campaigns: that versions differ, for example."""
+    machines = [(read_study(folder) or {})["machine"] for folder in folders]
+    notes = []
+    for name in ("sounding", "commit", "packages", "platform"):
+        if len({json.dumps(machine.get(name), sort_keys=True) for machine in machines}) > 1:
+            notes.append(f"The campaigns were run with different versions: {name} differs.")
+    return notes
+
+
+def _names(folders: Sequence[Path]) -> dict[Path, str]:
+    """The folders, each once, by the shortest ends of their paths that tell them all apart."""
+    places = {folder.resolve(): folder for folder in dict.fromkeys(folders)}
+    n_parts = 1
+    while len({place.parts[-n_parts:] for place in places}) < len(places):
+        n_parts += 1
+    return {folder: "/".join(place.parts[-n_parts:]) for place, folder in places.items()}
+
+
+def _entries(folder: Path) -> list[Entry]:
+    if read_study(folder) is None or not (folder / JOURNAL).exists():
+        raise UsageError(f"{folder}: holds no campaign. Name a folder that `sounding trials` wrote.")
+    return list(read_entries(folder / JOURNAL))
+
+
+def _group(case: str, contender: str, entries: list[Entry]) -> TrialGroup:
+    entries = sorted(entries, key=lambda entry: entry["settings"]["seed"])
+    is_finished = [entry["row"]["status"] == "finished" for entry in entries]
+    return TrialGroup(
+        case,
+        contender,
+        tuple(entry for entry, finished in zip(entries, is_finished, strict=True) if finished),
+        tuple(entry for entry, finished in zip(entries, is_finished, strict=True) if not finished),
+    )
+
+
+def _case(settings: dict[str, Any]) -> str:
+    more = [f"{n} {settings[n]}" for n in SETUP_OPTIONS if n in settings and n not in ("scenario", "arm")]
+    return ", ".join([settings["scenario"], f"arm {settings['arm']}", *more])
+
+
+def _contender(settings: dict[str, Any], varying: Sequence[str]) -> str:
+    values = [(name, settings.get(name, default_of(name))) for name in varying]
+    return ", ".join([settings["planner"], *(f"{name} {value}" for name, value in values)])
+
+
+def _varying(settings: list[dict[str, Any]]) -> list[str]:
+    """Options that tell contenders of one case apart."""
+    apart: dict[str, None] = {}
+    first: dict[tuple[str, str], dict[str, Any]] = {}
+    hidden = (*SETUP_OPTIONS, *ENDINGS, "planner", "seed", "map")
+    for each in settings:
+        other = first.setdefault((_case(each), each["planner"]), each)
+        for name in (*each, *other):
+            if name not in hidden and each.get(name, default_of(name)) != other.get(name, default_of(name)):
+                apart[name] = None
+    return list(apart)
+
+
+def _ambiguous(entries: list[Entry], n_folders: int) -> bool:
+    keys = [json.dumps(entry["settings"], sort_keys=True) for entry in entries]
+    return n_folders > 1 and len(set(keys)) < len(keys)

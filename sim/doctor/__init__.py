@@ -1,0 +1,1 @@
+"""What is installed, which OpenGL renders here, and what to do about each line that is red."""

@@ -1,0 +1,239 @@
+"""The movers of an arm: along a timed, collision-free path, followed exactly or simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from sim.running.options import MotionKind
+from sim.world.motion.contact_surface import ContactSurface
+from sim.world.motion.joint_limits import JointLimits, is_embedded
+from sim.world.motion.path_check import PathCheck
+from sim.world.motion.path_search import PathSearch
+from sim.world.motion.servo import ServoArm, ServoRun
+from sim.world.motion.servo_settings import ServoSettings
+from sim.world.motion.settings import MotionSettings
+from sim.world.motion.timing import PathTimer, Trajectory
+
+from .motion import JumpMotion, Motion, MotionModel, Phase, ProcedureStoppedError, blocked, joint_travel_rad
+from .positioner import ArmPositioner
+from .setup import Setup
+from .travel import Travel
+
+RECORD_DT_S = 0.01
+"""States are recorded at least this often."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What the arm is to do: configurations of the chain in time, and what they are for."""
+
+    time_s: NDArray[np.float64]
+    q: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    phases: NDArray[np.int8]
+
+    @classmethod
+    def of(cls, parts: list[tuple[Phase, Trajectory]]) -> Plan:
+        """One after the other; each begins where the one before ended."""
+        start_s, times_s, phases = 0.0, [], []
+        for phase, part in parts:
+            times_s.append(start_s + part.time_s)
+            phases.append(np.full(len(part.time_s), int(phase), dtype=np.int8))
+            start_s += float(part.time_s[-1])
+        time_s = np.concatenate(times_s)
+        is_new = np.r_[
+            True, np.diff(time_s) > 0.0
+        ]  # a part begins with the state that the one before ended with
+        q, speed = (np.vstack([getattr(part, name) for _, part in parts])[is_new] for name in ("q", "speed"))
+        return cls(time_s[is_new], q, speed, np.concatenate(phases)[is_new])
+
+
+class PathMotion(MotionModel):
+    """Follows the timed path exactly."""
+
+    def __init__(
+        self,
+        positioner: ArmPositioner,
+        paths: PathSearch,
+        timer: PathTimer,
+        settings: MotionSettings,
+        travel: Travel,
+    ) -> None:
+        """Move what `positioner` carries, from its home on."""
+        self._positioner, self._paths, self._timer, self._settings = positioner, paths, timer, settings
+        self.travel = travel
+        self._chain = positioner.search.chain
+        self._lines: dict[int, Trajectory] = {}
+        self._last: int | None = None
+        self._dt_s, self._press_m = RECORD_DT_S, 0.0
+
+    def move(self, data: mujoco.MjData, pose: int) -> Motion:
+        """See `MotionModel.move`."""
+        plan = self._plan(pose)
+        if isinstance(plan, str):
+            return blocked(plan)
+        motion = self._follow(data, plan)
+        self._last = pose
+        return motion
+
+    def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
+        """Carry the plan out on a state."""
+        states = self._chain.full(plan.q)
+        data.qpos[:] = states[-1]
+        mujoco.mj_fwdPosition(data.model, data)
+        return Motion(
+            time_s=plan.time_s,
+            states=states,
+            tips_m=self._chain.forward(plan.q).tips_m,
+            phases=plan.phases,
+            joint_travel_rad=joint_travel_rad(data.model, states),
+        )
+
+    def _plan(self, pose: int) -> Plan | str:
+        """The timed way from where the arm is to a pose, or why there is none."""
+        down = self._descent(pose)
+        if isinstance(down, str):
+            return down
+        parts: list[tuple[Phase, Trajectory]] = []
+        if self._last is None:
+            start_q = self._chain.home
+        else:
+            up = self._lines[self._last].reversed()
+            parts.append((Phase.LIFT, up))
+            start_q = up.q[-1]
+        if self._last is not None or self._paths.is_free_at(start_q):
+            path = self._paths.transfer(start_q, down.q[0])
+            if not path.is_free:
+                return path.reason
+            speed = self._settings.tip_speed_m_s
+            parts += [(Phase.TRANSFER, self._timed(curve, speed)) for curve in path.curves]
+        return Plan.of([*parts, (Phase.DESCEND, down)])
+
+    def _descent(self, pose: int) -> Trajectory | str:
+        """The timed way from the stand-off down to a pose, or why there is none."""
+        if pose not in self._lines:
+            answer, workspace = self._positioner.reach(pose), self._positioner.workspace
+            columns = self._chain.columns
+            path = self._paths.line(
+                answer.q[columns],
+                answer.q_standoff[columns],
+                workspace.positions_m[pose],
+                workspace.normals[pose],
+                press_m=self._press_m,
+            )
+            if not path.is_free:
+                return path.reason
+            self._lines[pose] = self._timed(path.curves[0], self._settings.approach_speed_m_s).reversed()
+        return self._lines[pose]
+
+    def _timed(self, curve: CubicSpline, tip_speed_m_s: float) -> Trajectory:
+        return self._timer.time(curve, tip_speed_m_s=tip_speed_m_s, dt_s=self._dt_s)
+
+
+class ServoMotion(PathMotion):
+    """Sends the timed path to servos, and lets dynamics and the organ's compliance decide where the probe gets to."""
+
+    def __init__(
+        self,
+        positioner: ArmPositioner,
+        paths: PathSearch,
+        timer: PathTimer,
+        settings: MotionSettings,
+        travel: Travel,
+        *,
+        arm: ServoArm,
+        servo: ServoSettings,
+    ) -> None:
+        """Move what `positioner` carries by the servos of `arm`."""
+        super().__init__(positioner, paths, timer, settings, travel)
+        self._arm, self._servo = arm, servo
+        self._dt_s, self._press_m = RECORD_DT_S, servo.press_m
+
+    def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
+        """See `PathMotion._follow`; the arm holds still for a while at the end."""
+        dt_s, every = self._arm.dt_s, max(1, round(RECORD_DT_S / self._arm.dt_s))
+        n_moving = int(np.ceil(plan.time_s[-1] / dt_s))
+        n = n_moving + round(self._servo.settle_s / dt_s)
+        time_s = np.asarray(dt_s * np.arange(1, n + 1), dtype=np.float64)
+        q, speed = (
+            np.column_stack([np.interp(time_s, plan.time_s, column) for column in part.T])
+            for part in (plan.q, plan.speed)
+        )
+        speed[n_moving:] = 0.0
+        run = self._arm.run(q, speed, record_every=every)
+        rows = np.append(np.arange(every - 1, n, every), n - 1)
+        rows = np.unique(rows)[: len(run.states)]
+        phase_rows = np.minimum(np.searchsorted(plan.time_s, time_s[rows]), len(plan.time_s) - 1)
+        phases = np.where(rows >= n_moving, int(Phase.HOLD), plan.phases[phase_rows]).astype(np.int8)
+        data.qpos[:] = run.states[-1]
+        mujoco.mj_fwdPosition(data.model, data)
+        error_m, error_rad = self._tracking_errors(run.states[-1], q[rows[-1]])
+        motion = Motion(
+            time_s=time_s[rows],
+            states=run.states,
+            tips_m=run.tips_m,
+            phases=phases,
+            joint_travel_rad=joint_travel_rad(data.model, run.states),
+            tracking_error_m=error_m,
+            tracking_error_rad=error_rad,
+            contact_force_n=float(run.force_n[-1]),
+            peak_force_n=run.peak_force_n,
+        )
+        if run.is_stopped:
+            raise ProcedureStoppedError(self._why_stopped(run), motion)
+        return motion
+
+    def _tracking_errors(
+        self, state: NDArray[np.float64], sent_q: NDArray[np.float64]
+    ) -> tuple[float, float]:
+        """Distance of the tip [m] and angle of the beam [rad] from where they were sent."""
+        there = self._chain.forward(np.stack([state[self._chain.columns], sent_q]))
+        cosine = float(np.clip(there.beams[0] @ there.beams[1], -1.0, 1.0))
+        sine = float(np.linalg.norm(np.cross(there.beams[0], there.beams[1])))
+        return float(np.linalg.norm(there.tips_m[0] - there.tips_m[1])), float(np.arctan2(sine, cosine))
+
+    def _why_stopped(self, run: ServoRun) -> str:
+        x_mm, y_mm, z_mm = 1e3 * run.tips_m[-1]
+        return (
+            f"The probe pressed with {run.peak_force_n:.2f} N at ({x_mm:.0f}, {y_mm:.0f}, {z_mm:.0f}) mm, above the "
+            f"limit of {self._servo.force_limit_n:g} N, and the arm stopped. Press less (--press-mm), come down more "
+            "slowly (--approach-speed-mm-s), or raise --force-limit-n."
+        )
+
+
+def make_motion_model(
+    setup: Setup,
+    kind: MotionKind = "none",
+    settings: MotionSettings | None = None,
+    servo: ServoSettings | None = None,
+) -> MotionModel:
+    """A fresh motion_model for one episode on a setup.
+
+    Args:
+        setup: Gives arm, workspace and organ. A free probe always jumps.
+        kind: none jumps from station to station, kinematic follows the path exactly, servo simulates the arm.
+        settings: Speeds.
+        servo: Stiffnesses and the force limit, for kind servo.
+    """
+    settings, positioner, model = settings or MotionSettings(), setup.positioner, setup.scene.model
+    if setup.arm is None or not isinstance(positioner, ArmPositioner):
+        return JumpMotion(positioner, setup.scene.tip_site, None, settings)
+    is_slide = model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    limits = JointLimits.of_arm(setup.arm.path, is_slide, settings)
+    if kind == "none":
+        return JumpMotion(positioner, setup.scene.tip_site, limits, settings)
+    search = positioner.search
+    paths = PathSearch(search, PathCheck(setup.scene, search.chain, search.meter, search.clearance))
+    timer = PathTimer(search.chain, JointLimits.of_arm(setup.arm.path, search.chain.is_slide, settings))
+    travel = Travel(positioner, limits, settings)
+    if kind == "kinematic":
+        return PathMotion(positioner, paths, timer, settings, travel)
+    servo = servo or ServoSettings()
+    organ, is_panda = ContactSurface(setup.organ), is_embedded(setup.arm.path)
+    arm = ServoArm(setup.scene, search.chain, organ, servo, is_panda=is_panda)
+    return ServoMotion(positioner, paths, timer, settings, travel, arm=arm, servo=servo)

@@ -1,0 +1,61 @@
+"""What could be sensed at best: the union of the cones of all poses that the probe can reach."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner import Cone, Workspace, scattered_poses, visibility
+
+from .positioner import Positioner
+
+
+def attainable(
+    workspace: Workspace,
+    cone: Cone,
+    points_m: NDArray[np.float64],
+    positioner: Positioner,
+    *,
+    max_failures: int = 100,
+) -> NDArray[np.bool_]:
+    """Which points some reachable pose sees, shape (M,).
+
+    Looks at a scattered part of the poses at a time, in which most points are settled at once; and there asks for the
+    pose that sees most of the points still open, so that a few dozen IK answers settle what thousands would.
+
+    Args:
+        workspace: The poses.
+        cone: What one of them sees.
+        points_m: The points [m, world], shape (M, 3).
+        positioner: Decides whether a pose is reached.
+        max_failures: Unreachable poses asked for at most; beyond it the open points count as unattainable.
+    """
+    is_attained, n_failures = np.zeros(len(points_m), dtype=bool), 0
+    for poses in scattered_poses(workspace.n_poses):
+        open_points = np.flatnonzero(~is_attained)
+        if not open_points.size or n_failures == max_failures:
+            break
+        part = Workspace(workspace.positions_m[poses], workspace.normals[poses])
+        sees = visibility(part, cone, points_m[open_points])
+        settled, n_new = _settle(sees, poses, positioner, max_failures - n_failures)
+        is_attained[open_points[settled]] = True
+        n_failures += n_new
+    return is_attained
+
+
+def _settle(
+    sees: NDArray[np.bool_], poses: NDArray[np.intp], positioner: Positioner, max_failures: int
+) -> tuple[NDArray[np.bool_], int]:
+    """Which points some reachable one of a few poses sees, and how many of those asked for are not reached."""
+    is_attained, n_failures = np.zeros(len(sees), dtype=bool), 0
+    n_open_seen = sees.sum(axis=0)
+    while n_open_seen.max(initial=0) > 0 and n_failures < max_failures:
+        column = int(np.argmax(n_open_seen))
+        if not positioner.reach(int(poses[column])).is_reached:
+            n_failures += 1
+            n_open_seen[column] = -1
+            continue
+        newly = sees[:, column] & ~is_attained
+        is_attained |= newly
+        n_open_seen -= sees[newly].sum(axis=0)
+    return is_attained, n_failures

@@ -1,0 +1,290 @@
+"""The episode: Algorithm 1 of the paper, with an arm that has to reach the pose before it can sense there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from time import perf_counter
+
+import mujoco
+import numpy as np
+
+from mapping import (
+    DetailedMap,
+    HilbertMap,
+    InsetSettings,
+    LabelledPoints,
+    MapMetrics,
+    MapSettings,
+    Prediction,
+    average_precision,
+    evaluate_map,
+)
+from planner import Planner, Situation
+from sim.world.ik.result import IkResult
+from sim.world.motion.settings import MotionSettings
+from sim.world.sensing.probe import Probe, ProbeSettings, Reading
+
+from .arm_motion import make_motion_model
+from .motion import Motion, MotionModel
+from .setup import Setup
+from .target_belief import TargetBelief, TargetScore
+from .truth import Truth, make_truth
+
+
+@dataclass(frozen=True)
+class SkippedPose:
+    """A pose that the planner wanted and the arm could not take."""
+
+    pose_index: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Step:
+    """One sensing action and what came of it."""
+
+    step: int
+    """Number of the action, from 1."""
+    pose_index: int
+    ik: IkResult
+    reading: Reading
+    sensed_fraction: float | None
+    """Share of the tumours' detection points that lay in some cone so far; None without tumours."""
+    auprc: float | None
+    """Area under the map's precision-recall curve; None without tumours or without a map."""
+    skipped: tuple[SkippedPose, ...]
+    """Poses ranked before this one that the arm could not take."""
+    motion: Motion
+    """The way there from the last contact: lift, transfer, descent."""
+    procedure_s: float
+    """Modelled time of motion and sensing."""
+    plan_s: float
+    ik_s: float
+    move_s: float
+    sense_s: float
+    update_s: float
+    target: TargetScore | None = None
+    """How a second class stands; None where none is mapped."""
+
+
+class Episode:
+    """One episode: state that `steps` carries from action to action."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        planner: Planner,
+        *,
+        seed: int,
+        map_settings: MapSettings | None = None,
+        insets: InsetSettings | None = None,
+        probe_settings: ProbeSettings | None = None,
+        motion_model: MotionModel | None = None,
+        sensing_s: float = MotionSettings().sensing_s,
+        has_map: bool = True,
+        casts_rays: bool = True,
+        plans_for_target: bool = False,
+    ) -> None:
+        """Make the truth of the seed and the prior map.
+
+        Args:
+            setup: Organ, workspace and arm.
+            planner: Ranks the poses.
+            seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
+            map_settings: Of the map.
+            insets: Of the finer maps laid in where tumour was sensed; None for none.
+            probe_settings: Of the readings.
+            motion_model: Moves the probe between poses, for this episode alone; one that jumps by default.
+            sensing_s: Modelled time of a sensing action.
+            has_map: Whether a map is kept; only planners that need no belief can go without.
+            casts_rays: Whether readings hold points. Without a map nothing but the share sensed is asked of a
+                reading, and for that where the tip is suffices.
+            plans_for_target: Whether the planner is shown the belief about a second class in place of the tumours'.
+
+        Raises:
+            ValueError: A planner that needs a belief without a map, a negative seed, or no second class to plan for.
+            WorldError: No place for the tumours was found.
+        """
+        if seed < 0:
+            raise ValueError(f"seed={seed}: must be 0 or more.")
+        if planner.needs_belief and not has_map:
+            raise ValueError(f"{type(planner).__name__} needs a belief: has_map must be True.")
+        if has_map and not casts_rays:
+            raise ValueError("A map needs readings: casts_rays must be True.")
+        truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
+        self.setup, self.planner = setup, planner
+        self.truth: Truth = make_truth(setup, truth_rng)
+        scene = self.truth.scene if casts_rays else setup.scene  # tumours are there for the rays alone
+        self.data: mujoco.MjData = scene.new_data()
+        self._map_settings = map_settings or MapSettings()
+        self.hilbert_map = _prior_map(setup, self._map_settings, insets) if has_map else None
+        self.prediction: Prediction | None = None
+        self.target: TargetBelief | None = None
+        if self.truth.target is not None:
+            own_map = _prior_map(setup, self._map_settings, insets) if has_map else None
+            self.target = TargetBelief(self.truth.target, setup.cone, own_map)
+        if plans_for_target and self.target is None:
+            raise ValueError(
+                "plans_for_target=True: the setup has no second class. Give it targets, or leave it out."
+            )
+        self._plans_for_target = plans_for_target
+        self._casts_rays = casts_rays
+        self._probe = Probe(scene, probe_settings)
+        self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
+        self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
+        self.readings: list[LabelledPoints] = []
+        self.sensed: list[int] = []
+        self.skipped: dict[int, SkippedPose] = {}
+
+    def steps(
+        self,
+        n_steps: int,
+        *,
+        until_sensed: float | None = None,
+        until_confident: float | None = None,
+        on_skipped: Callable[[int], None] = lambda n_in_a_row: None,
+    ) -> Iterator[Step]:
+        """Sense until `n_steps` actions are done, a rule to stop is met, or no pose is left that the arm reaches.
+
+        Args:
+            n_steps: Actions at most.
+            until_sensed: Share of the detection points, of the class planned for, at which to stop; None for never.
+            until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
+            on_skipped: Called with how many poses in a row are out of reach, whenever one more is.
+        """
+        self._predict()
+        for number in range(1, n_steps + 1):
+            step = self._sense_once(number, on_skipped)
+            if step is None:
+                return
+            yield step
+            sensed = (
+                step.target.sensed_fraction
+                if self._plans_for_target and step.target
+                else step.sensed_fraction
+            )
+            if until_sensed is not None and (sensed or 0.0) >= until_sensed:
+                return
+            if until_confident is not None and self.confidence() >= until_confident:
+                return
+
+    def confidence(self) -> float:
+        """How sure the planner is, from what is known so far, that nothing is left to find or outline."""
+        return self.planner.confidence(self._situation())
+
+    def metrics(self) -> MapMetrics | None:
+        """Scores of the present map against the truth."""
+        return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_tumour)
+
+    def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
+        start_s = perf_counter()
+        chosen, skipped, ik_s, move_s = self._choose(on_skipped)
+        planned_s = perf_counter()
+        if chosen is None:
+            return None
+        pose, answer, motion = chosen
+        reading = self._read()
+        self._note_sensed(reading)
+        sensed_s = perf_counter()
+        auprc = self._update(reading)
+        target = self.target.learn(reading) if self.target is not None else None
+        self.sensed.append(pose)
+        self.readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
+        return Step(
+            step=number,
+            pose_index=pose,
+            ik=answer,
+            reading=reading,
+            sensed_fraction=float(self._is_sensed.mean()) if self._is_sensed.size else None,
+            auprc=auprc,
+            skipped=tuple(skipped),
+            motion=motion,
+            procedure_s=motion.motion_s + self._sensing_s,
+            plan_s=planned_s - start_s - ik_s - move_s,
+            ik_s=ik_s,
+            move_s=move_s,
+            sense_s=sensed_s - planned_s,
+            update_s=perf_counter() - sensed_s,
+            target=target,
+        )
+
+    def _choose(
+        self, on_skipped: Callable[[int], None]
+    ) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
+        """Go to the first pose of the ranking that can be had; those skipped before it, seconds of IK and of motion.
+
+        A pose without a way to it now has none later: the arm could go back to where it is today.
+        """
+        skipped: list[SkippedPose] = []
+        ik_s = move_s = 0.0
+        for pose in self.planner.rank(self._situation()):
+            start_s = perf_counter()
+            answer = self.setup.positioner.reach(pose)
+            reached_s = perf_counter()
+            ik_s += reached_s - start_s
+            reason = answer.explain()
+            if answer.is_reached:
+                motion = self._motion_model.move(self.data, pose)
+                move_s += perf_counter() - reached_s
+                if motion.is_done:
+                    return (pose, answer, motion), skipped, ik_s, move_s
+                reason = motion.reason
+            self.skipped[pose] = SkippedPose(pose, reason)
+            skipped.append(self.skipped[pose])
+            on_skipped(len(skipped))
+        return None, skipped, ik_s, move_s
+
+    @property
+    def _planned_for(self) -> Episode | TargetBelief:
+        """Whose prediction and readings the planner sees."""
+        return self.target if self._plans_for_target and self.target is not None else self
+
+    def _situation(self) -> Situation:
+        travel = self._motion_model.travel
+        return Situation(
+            workspace=self.setup.workspace,
+            cone=self.setup.cone,
+            search_points_m=self.setup.search_points_m,
+            prediction=self._planned_for.prediction,
+            is_visible=self.setup.is_visible,
+            surface_distance_m=self.setup.surface_distance_m,
+            readings=tuple(self._planned_for.readings),
+            false_positive_rate=self._map_settings.false_positive_rate,
+            false_negative_rate=self._map_settings.false_negative_rate,
+            sensed=tuple(self.sensed),
+            skipped=frozenset(self.skipped),
+            motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
+            sensing_s=self._sensing_s,
+            rng=self._planner_rng,
+        )
+
+    def _read(self) -> Reading:
+        if self._casts_rays:
+            return self._probe.sense(self.data, self._sensor_rng)
+        return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._probe.tip_pose(self.data))
+
+    def _note_sensed(self, reading: Reading) -> None:
+        """Mark the detection points that lie in the cone that was really cast."""
+        T = reading.T_world_probe
+        self._is_sensed |= self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+
+    def _update(self, reading: Reading) -> float | None:
+        if self.hilbert_map is None:
+            return None
+        self.hilbert_map.update(reading.points_m, reading.is_occupied)
+        self._predict()
+        assert self.prediction is not None
+        return average_precision(self.prediction.score, self.truth.is_tumour)
+
+    def _predict(self) -> None:
+        if self.hilbert_map is not None:
+            self.prediction = self.hilbert_map.predict_lattice()
+
+
+def _prior_map(setup: Setup, settings: MapSettings, insets: InsetSettings | None) -> HilbertMap | DetailedMap:
+    coarse = HilbertMap(
+        setup.hinges, settings, query=setup.query, query_mask=setup.is_inside, hinge_mask=setup.hinge_mask
+    )
+    return coarse if insets is None else DetailedMap(coarse, insets)

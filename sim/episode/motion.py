@@ -1,0 +1,179 @@
+"""Motion: how the probe gets from one sensing pose to the next, and how long that takes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import IntEnum
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.errors import WorldError
+from sim.world.motion.joint_limits import JointLimits
+from sim.world.motion.settings import MotionSettings
+
+from .positioner import Positioner
+from .travel import Travel
+
+
+class Phase(IntEnum):
+    """What the probe is doing."""
+
+    LIFT = 0
+    TRANSFER = 1
+    DESCEND = 2
+    HOLD = 3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Motion:
+    """The way to one pose: T states in time, or the reason why there is none."""
+
+    time_s: NDArray[np.float64]
+    """Time since the motion began, increasing from 0 [s], shape (T,)."""
+    states: NDArray[np.float64]
+    """Joint positions of the scene [rad or m], shape (T, nq); of a free probe its body's position and wxyz
+    quaternion, shape (T, 7)."""
+    tips_m: NDArray[np.float64]
+    """Where the tip was [m], shape (T, 3)."""
+    phases: NDArray[np.int8]
+    """The `Phase` of each state, shape (T,)."""
+    joint_travel_rad: float | None
+    """Sum of the ways of all turning joints; None for a free probe."""
+    tracking_error_m: float | None = None
+    """Distance of the tip from where it was sent, at the time of sensing; None where the motion is not simulated."""
+    tracking_error_rad: float | None = None
+    """Angle between the beam and where it was sent, likewise."""
+    contact_force_n: float | None = None
+    """Force of the probe on the organ at the time of sensing; None where there is no contact model."""
+    peak_force_n: float | None = None
+    """Largest contact force of the motion; None where there is no contact model."""
+    reason: str = ""
+    """Why the pose was not reached; empty if it was."""
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the probe got there."""
+        return not self.reason
+
+    @property
+    def motion_s(self) -> float:
+        """How long it took."""
+        return float(self.time_s[-1]) if len(self.time_s) else 0.0
+
+    @property
+    def tip_path_m(self) -> float:
+        """Length of the tip's way."""
+        return float(np.linalg.norm(np.diff(self.tips_m, axis=0), axis=1).sum())
+
+
+def blocked(reason: str) -> Motion:
+    """No motion, and why."""
+    nothing = np.empty((0, 0))
+    return Motion(
+        time_s=np.empty(0), states=nothing, tips_m=np.empty((0, 3)), phases=np.empty(0, dtype=np.int8),
+        joint_travel_rad=None, reason=reason,
+    )  # fmt: skip
+
+
+class ProcedureStoppedError(WorldError):
+    """The arm stopped for safety; `motion` is what it did until then."""
+
+    def __init__(self, text: str, motion: Motion) -> None:
+        """Keep the motion beside the sentence."""
+        super().__init__(text)
+        self.motion = motion
+
+
+class MotionModel(ABC):
+    """Moves the probe of one episode from pose to pose; remembers where it is."""
+
+    travel: Travel | None = None
+    """Estimates how long ways take; None if it cannot say."""
+
+    @abstractmethod
+    def move(self, data: mujoco.MjData, pose: int) -> Motion:
+        """Bring a state to a pose that the positioner reaches.
+
+        Args:
+            data: A state of the episode's scene; its kinematics are up to date after, and it is as it was where the
+                motion is blocked.
+            pose: Index in the workspace.
+
+        Raises:
+            ProcedureStoppedError: The arm stopped on its way.
+        """
+
+
+class JumpMotion(MotionModel):
+    """Jumps from station to station: lift, stand-off, contact. Nothing between them is looked at.
+
+    The time is an estimate: all joints go straight and start and stop together, and the tip keeps its speed limits.
+    """
+
+    def __init__(
+        self,
+        positioner: Positioner,
+        tip_site: str,
+        limits: JointLimits | None,
+        settings: MotionSettings | None = None,
+    ) -> None:
+        """Move what `positioner` carries; `limits` are those of all joints of the scene, None for a free probe."""
+        self._positioner, self._tip_site, self._limits = positioner, tip_site, limits
+        self._settings = settings or MotionSettings()
+        self.travel = Travel(positioner, limits, self._settings)
+        self._last: int | None = None
+
+    def move(self, data: mujoco.MjData, pose: int) -> Motion:
+        """See `MotionModel.move`."""
+        stations = [(pose, True, Phase.TRANSFER), (pose, False, Phase.DESCEND)]
+        if self._last is not None:
+            stations = [(self._last, False, Phase.LIFT), (self._last, True, Phase.LIFT), *stations]
+        tips_m, states = [], []
+        if (
+            self._last is None and data.model.nq
+        ):  # an arm comes from where it stands, a free probe from nowhere
+            tips_m, states = [data.site(self._tip_site).xpos.copy()], [state_of(data)]
+        for at, is_lifted, _ in stations:
+            self._positioner.place(data, at, is_lifted=is_lifted)
+            tips_m.append(data.site(self._tip_site).xpos.copy())
+            states.append(state_of(data))
+        self._last = pose
+        phases = [Phase.TRANSFER] * (len(states) - len(stations)) + [phase for *_, phase in stations]
+        q, tips = np.array(states), np.array(tips_m)
+        durations_s = [
+            self._duration_s(q[i], q[i + 1], tips[i : i + 2], phases[i + 1]) for i in range(len(q) - 1)
+        ]
+        return Motion(
+            time_s=np.concatenate([[0.0], np.cumsum(durations_s)]),
+            states=q,
+            tips_m=tips,
+            phases=np.array(phases, dtype=np.int8),
+            joint_travel_rad=joint_travel_rad(data.model, q),
+        )
+
+    def _duration_s(
+        self, start: NDArray[np.float64], end: NDArray[np.float64], tips_m: NDArray[np.float64], phase: Phase
+    ) -> float:
+        settings = self._settings
+        speed = settings.tip_speed_m_s if phase is Phase.TRANSFER else settings.approach_speed_m_s
+        tip_s = float(np.linalg.norm(tips_m[1] - tips_m[0])) / speed
+        if self._limits is None:
+            return tip_s
+        joints_s = self._limits.rest_to_rest_s(np.abs(end - start))
+        return max(tip_s, float(joints_s.max(initial=0.0)))
+
+
+def state_of(data: mujoco.MjData) -> NDArray[np.float64]:
+    """The joint positions of a state, or the pose of a free probe's body."""
+    return data.qpos.copy() if data.model.nq else np.concatenate([data.mocap_pos[0], data.mocap_quat[0]])
+
+
+def joint_travel_rad(model: mujoco.MjModel, q: NDArray[np.float64]) -> float | None:
+    """Sum of the ways of all turning joints over states, shape (T, nq); None without joints."""
+    if model.nq == 0:
+        return None
+    is_hinge = model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
+    return float(np.abs(np.diff(q, axis=0))[:, is_hinge].sum())

@@ -1,0 +1,237 @@
+"""The setup: all of a scenario that is the same for every seed, built once and shared by its episodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping import Lattice, MapSettings
+from planner import Cone, Workspace, visible_points
+from sim.world.anatomy.anatomy import build_anatomy
+from sim.world.anatomy.case_files import CaseFiles, LoadedAnatomy, load_anatomy
+from sim.world.anatomy.liver_generator import make_liver
+from sim.world.anatomy.paper_organ import paper_organ
+from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose, turned
+from sim.world.anatomy.structures import Structure, is_pressable
+from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
+from sim.world.errors import MeshError
+from sim.world.scene.arm import MODELS_DIR, ArmModel
+from sim.world.scene.base_room import check_base_room
+from sim.world.scene.scene import Scene, build_scene
+from sim.world.solids.distance_grid import DistanceGrid
+from sim.world.solids.solid import Solid
+from sim.world.solids.surface_distance import surface_distance_of
+from sim.world.volumes.label_coding import LabelChoice
+
+from .best_turn import best_turn_rad
+from .positioner import ArmPositioner, FreePositioner, Positioner
+from .scenario import GENERATED_LIVER, LIVER, PAPER_ORGAN, Scenario
+
+GRID_MARGIN_M = 0.002
+"""The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
+GENERATOR_STREAM = 1
+"""Keeps the draws of a generated liver apart from those of the seed's tumours."""
+HINGE_REACH = 2.0
+"""Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
+PAPER_QUERY = (22, 22, 13)
+"""The paper's 6,292 query points on the box of its synthetic organ; the hinges there are 17 x 17 x 10."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setup:
+    """An organ in place, its workspace, its lattices, and what carries the probe."""
+
+    scenario: Scenario
+    organ: Solid
+    """World frame [m]."""
+    given_tumours: tuple[Solid, ...]
+    """Tumours that the scenario's files hold, world frame [m]; empty where they are planted."""
+    tumour_names: tuple[str, ...]
+    """What to call each of these in messages."""
+    given_targets: tuple[Solid, ...]
+    """The bodies of a second class to be mapped, world frame [m]; empty where there is no such class."""
+    target_names: tuple[str, ...]
+    """What to call each of these in messages."""
+    structures: tuple[Structure, ...]
+    """Vessels and the like, world frame [m]."""
+    T_world_organ: NDArray[np.float64]
+    """Maps the organ file's coordinates [m] to the world, shape (4, 4)."""
+    workspace: Workspace
+    cone: Cone
+    arm: ArmModel | None
+    scene: Scene
+    """The scene without tumours."""
+    positioner: Positioner
+    hinges: Lattice
+    hinge_mask: NDArray[np.bool_]
+    query: Lattice
+    """The lattice on which the map is queried and scored."""
+    is_inside: NDArray[np.bool_]
+    """Which points of `query` lie inside the organ, shape (query.n_points,)."""
+    search_points_m: NDArray[np.float64]
+    """Those points, the search space of the planners, shape (M, 3) [m]."""
+    is_visible: NDArray[np.bool_]
+    """Which of the search points some pose of the workspace sees, shape (M,)."""
+    surface_distance_m: NDArray[np.float64]
+    """Their distance to the organ's surface, shape (M,) [m]."""
+    notices: tuple[str, ...] = ()
+    """What was repaired or is unusual about the files."""
+
+
+def build_setup(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Setup:
+    """Load and place the organ and everything that depends on it alone.
+
+    Args:
+        scenario: The case.
+        arm: What carries the probe; None for a free-flying one.
+        map_settings: Gives the spacing of the hinges.
+
+    Raises:
+        WorldError: A mesh or an arm that cannot be used.
+    """
+    placed, notices = placed_organ(scenario, arm)
+    organ = placed.organ
+    workspace = make_workspace(scenario, placed)
+    cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+    empty = build_anatomy(
+        organ, name=scenario.name, rng=np.random.default_rng(0), structures=placed.structures
+    )
+    scene = build_scene(empty, cone, arm=arm)
+    reach_m = HINGE_REACH * map_settings.hinge_spacing_m
+    organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
+    if arm is not None:
+        check_base_room(scene, organ_distance)
+    positioner = (
+        FreePositioner(scene, workspace) if arm is None else ArmPositioner(scene, workspace, organ_distance)
+    )
+    hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
+    is_inside = organ.contains(query.points_m())
+    search_points_m = query.points_m()[is_inside]
+    return Setup(
+        scenario=scenario,
+        organ=organ,
+        given_tumours=placed.tumours,
+        tumour_names=placed.tumour_names,
+        given_targets=placed.targets,
+        target_names=placed.target_names,
+        structures=placed.structures,
+        T_world_organ=placed.T_world_organ,
+        workspace=workspace,
+        cone=cone,
+        arm=arm,
+        scene=scene,
+        positioner=positioner,
+        hinges=hinges,
+        hinge_mask=_hinge_mask(scenario, organ_distance, hinges, reach_m),
+        query=query,
+        is_inside=is_inside,
+        search_points_m=search_points_m,
+        is_visible=visible_points(workspace, cone, search_points_m),
+        surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
+        notices=notices,
+    )
+
+
+def _hinge_mask(
+    scenario: Scenario, organ_distance: DistanceGrid, hinges: Lattice, reach_m: float
+) -> NDArray[np.bool_]:
+    """Hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
+    if scenario.organ == PAPER_ORGAN:
+        return np.ones(hinges.n_points, dtype=bool)
+    return organ_distance.distance_m(hinges.points_m()) <= reach_m
+
+
+def placed_organ(scenario: Scenario, arm: ArmModel | None = None) -> tuple[PlacedOrgan, tuple[str, ...]]:
+    """Organ, given tumours and structures in the world, and the notices of their files.
+
+    Args:
+        scenario: The case.
+        arm: What shall reach the organ, where it is to be placed for that.
+
+    Raises:
+        WorldError: A file that cannot be used.
+    """
+    loaded = load_scenario_anatomy(scenario)
+    placed = _put_in_world(scenario, loaded, arm)
+    placed = placed.with_structures(loaded.structures).with_tumour_names(loaded.tumour_names)
+    return placed.with_targets(loaded.targets, loaded.target_names), loaded.notices
+
+
+def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
+    """The anatomy of a scenario in its own coordinates.
+
+    Raises:
+        WorldError: A file that cannot be used.
+    """
+    if scenario.organ == PAPER_ORGAN:
+        return LoadedAnatomy(organ=paper_organ().solid)
+    if scenario.organ == GENERATED_LIVER:
+        seed = scenario.organ_seed or 0
+        return LoadedAnatomy(organ=make_liver(np.random.default_rng((seed, GENERATOR_STREAM))))
+    if scenario.organ == LIVER:
+        return load_anatomy(CaseFiles(organ=str(MODELS_DIR / "liver.stl")))
+    return load_anatomy(
+        CaseFiles(
+            organ=scenario.organ,
+            tumours=scenario.tumour_files,
+            targets=scenario.target_files,
+            structures=scenario.structure_files,
+            keepouts=scenario.keepout_files,
+            unit=scenario.organ_unit,
+            frame=scenario.organ_frame,
+            labels=LabelChoice(
+                coding=scenario.label_coding,
+                organ=scenario.organ_labels,
+                tumours=scenario.tumour_labels,
+                targets=scenario.target_labels,
+                structures=scenario.structure_labels,
+                keepouts=scenario.keepout_labels,
+            ),
+            spacing_m=scenario.voxel_spacing_m,
+        )
+    )
+
+
+def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | None) -> PlacedOrgan:
+    organ, tumours = loaded.organ, loaded.tumours
+    if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
+        T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
+        return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
+    if scenario.organ == PAPER_ORGAN:  # its axes are the world's already: z is up
+        return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
+    turn_rad = scenario.organ_turn_rad
+    if scenario.organ_placing == "best":
+        turn_rad = best_turn_rad(organ, arm)
+    return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
+
+
+def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
+    """The sensing poses of a scenario: the paper's own, or even positions on the organ's upper surface."""
+    if scenario.organ == PAPER_ORGAN:
+        surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
+    else:
+        surface = upper_surface_workspace(placed.organ, scenario.n_poses, rng=np.random.default_rng(0))
+    is_clear = is_pressable(surface.positions_m, placed.structures, scenario.keepout_distance_m)
+    if is_clear.all():
+        return Workspace(surface.positions_m, surface.normals, surface.grid_shape)
+    if not is_clear.any():
+        raise MeshError(
+            f"no pose is left: all lie within {scenario.keepout_distance_m * 1e3:g} mm of what must not be "
+            "pressed; lower --keepout-mm, or name fewer structures"
+        )
+    return Workspace(surface.positions_m[is_clear], surface.normals[is_clear])
+
+
+def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:
+    """Hinges at a fixed spacing, reaching beyond the organ, and the query lattice over the organ."""
+    low_m, high_m = placed.organ.bounds_m
+    if scenario.organ == PAPER_ORGAN and np.allclose(placed.T_world_organ[:3, :3], np.eye(3)):
+        paper, shift_m = paper_organ(), placed.T_world_organ[:3, 3]
+        low_m, high_m = paper.box_low_m + shift_m, paper.box_high_m + shift_m
+        query = Lattice.from_counts(low_m, high_m, counts=PAPER_QUERY)
+        return Lattice.from_box(low_m, high_m, spacing_m=hinge_spacing_m), query
+    around_m = HINGE_REACH * hinge_spacing_m
+    hinges = Lattice.from_box(low_m - around_m, high_m + around_m, spacing_m=hinge_spacing_m)
+    return hinges, Lattice.from_box(low_m, high_m, spacing_m=scenario.score_spacing_m)

@@ -1,0 +1,78 @@
+"""The belief about a second class of targets beside the tumours: a map of its own, and how well it knows the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapping import (
+    DetailedMap,
+    HilbertMap,
+    LabelledPoints,
+    MapMetrics,
+    Prediction,
+    average_precision,
+    evaluate_map,
+)
+from planner import Cone
+from sim.world.sensing.probe import Reading
+
+from .truth import TargetTruth
+
+
+@dataclass(frozen=True)
+class TargetScore:
+    """How the second class stands after an action."""
+
+    sensed_fraction: float
+    """Share of its detection points that lay in some cone so far."""
+    auprc: float | None
+    """Area under its map's precision-recall curve; None without a map, or where no search point lies in a body."""
+
+
+class TargetBelief:
+    """What an episode comes to know of the second class. The map of the tumours is neither asked nor changed."""
+
+    def __init__(self, truth: TargetTruth, cone: Cone, hilbert_map: HilbertMap | DetailedMap | None) -> None:
+        """Begin from the prior.
+
+        Args:
+            truth: What there is of the class.
+            cone: What an action senses.
+            hilbert_map: The class's own map before anything is sensed, which is updated; None to keep none.
+        """
+        self.truth = truth
+        self.hilbert_map = hilbert_map
+        self.prediction: Prediction | None = None
+        self.readings: list[LabelledPoints] = []
+        self._cone = cone
+        self._is_sensed = np.zeros(len(truth.anatomy.detection_points_m), dtype=bool)
+        self._predict()
+
+    @property
+    def name(self) -> str:
+        """What the class is called."""
+        return self.truth.anatomy.name
+
+    def learn(self, reading: Reading) -> TargetScore:
+        """Take in what an action returned of the class."""
+        T = reading.T_world_probe
+        self._is_sensed |= self._cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+        if self.hilbert_map is not None:
+            assert reading.is_target is not None
+            self.readings.append(LabelledPoints(reading.points_m, reading.is_target))
+            self.hilbert_map.update(reading.points_m, reading.is_target)
+            self._predict()
+        auprc = None
+        if self.prediction is not None:
+            auprc = average_precision(self.prediction.score, self.truth.is_target)
+        return TargetScore(float(self._is_sensed.mean()), auprc)
+
+    def metrics(self) -> MapMetrics | None:
+        """Scores of the present map against the truth."""
+        return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_target)
+
+    def _predict(self) -> None:
+        if self.hilbert_map is not None:
+            self.prediction = self.hilbert_map.predict_lattice()

@@ -1,0 +1,1 @@
+"""Findings: what a map made of each tumour, as records, tables and surfaces."""

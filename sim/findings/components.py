@@ -1,0 +1,122 @@
+"""Pieces: the connected components of what a map calls tumour, and the tumours that each of them touches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label
+from scipy.spatial import KDTree
+
+from sim.record.map_field import MapField
+from sim.world.solids.solid import Solid
+
+from .mapped_surface import Grid
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """What a map calls tumour, piece by piece, with what each piece is a finding of."""
+
+    field: MapField
+    level: float
+    """Log-odds from which a point is called tumour."""
+    organ: Solid
+    labels: NDArray[np.intp]
+    """The piece of each lattice point, from 1; 0 where none is. Shape (X, Y, Z)."""
+    touches: NDArray[np.bool_]
+    """Which piece touches which tumour, shape (number of pieces + 1, number of tumours); row 0 is no piece."""
+    tumour_points_m: NDArray[np.float64]
+    """Points in the tumours, shape (D, 3)."""
+    tumour_of_point: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        field: MapField,
+        level: float,
+        organ: Solid,
+        tumour_points_m: NDArray[np.float64],
+        tumour_of_point: NDArray[np.int64],
+        n_tumours: int,
+    ) -> Pieces:
+        """Label what a field calls tumour and see what it touches.
+
+        A piece touches a tumour where the lattice point nearest to one of the tumour's points belongs to it.
+        """
+        is_called = (field.log_odds > level) & field.is_inside
+        labelled: Any = label(
+            is_called, structure=np.ones((3, 3, 3))
+        )  # (labels, count), as scipy's types do not say
+        labels, n_pieces = np.asarray(labelled[0], dtype=np.intp), int(labelled[1])
+        touches = np.zeros((n_pieces + 1, n_tumours), dtype=bool)
+        touches[labels[tuple(field.nearest(tumour_points_m).T)], tumour_of_point] = True
+        touches[0] = False
+        return cls(field, level, organ, labels, touches, tumour_points_m, tumour_of_point)
+
+    @property
+    def false(self) -> list[int]:
+        """The pieces that touch no tumour."""
+        return [piece for piece in range(1, len(self.touches)) if not self.touches[piece].any()]
+
+    def is_of(
+        self, points_m: NDArray[np.float64], *, tumour: int | None = None, piece: int | None = None
+    ) -> NDArray[np.bool_]:
+        """Which points belong to what was mapped of a tumour, or to one piece, shape (N,); the level is not asked.
+
+        Points between the lattice's belong to the piece of the nearest point that is called tumour; where a piece
+        touches several tumours, to that whose points are nearest.
+        """
+        owner = self.nearest_piece[tuple(self.field.nearest(points_m).T)]
+        if piece is not None:
+            return owner == piece
+        claims = self.touches[owner, tumour]
+        shared = claims & (self.touches[owner].sum(axis=1) > 1)
+        if shared.any():
+            nearest = self.tumour_of_point[self._tree.query(points_m[shared])[1]]
+            claims[shared] = nearest == tumour
+        return claims
+
+    def values(self, points_m: NDArray[np.float64], belongs: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """The field less its level where points belong and lie in the organ, below 0 elsewhere, shape (N,)."""
+        values = self.field.at(points_m) - self.level
+        candidates = np.flatnonzero((values > 0) & belongs)
+        is_kept = np.zeros(len(values), dtype=bool)
+        is_kept[candidates[self.organ.contains(points_m[candidates])]] = True
+        return np.where((values > 0) & ~is_kept, -np.maximum(values, 0.01), values)
+
+    def box_of(self, is_mapped: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """The corners of the box around lattice points and the cells they stand for; None where there are none."""
+        if not is_mapped.any():
+            return None
+        indices = np.nonzero(is_mapped)
+        low = np.array([axis[i.min()] for axis, i in zip(self.field.axes_m, indices, strict=True)])
+        high = np.array([axis[i.max()] for axis, i in zip(self.field.axes_m, indices, strict=True)])
+        return low - self.field.cell_m, high + self.field.cell_m
+
+    @cached_property
+    def nearest_piece(self) -> NDArray[np.intp]:
+        """The piece of the nearest lattice point that is called tumour, shape (X, Y, Z); 0 where there is none."""
+        if not self.labels.any():
+            return self.labels
+        _, nearest = distance_transform_edt(
+            self.labels == 0, sampling=_positive(self.field.cell_m), return_indices=True
+        )  # pyright: ignore[reportGeneralTypeIssues]
+        return self.labels[tuple(nearest)]
+
+    @cached_property
+    def _tree(self) -> KDTree:
+        return KDTree(self.tumour_points_m)
+
+
+def grid_around(*boxes: tuple[NDArray[np.float64], NDArray[np.float64]] | None) -> Grid:
+    """A grid over all of the boxes that there are."""
+    kept = [box for box in boxes if box is not None]
+    return Grid.around(np.min([low for low, _ in kept], axis=0), np.max([high for _, high in kept], axis=0))
+
+
+def _positive(cell_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(cell_m > 0, cell_m, 1.0)

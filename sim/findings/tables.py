@@ -1,0 +1,106 @@
+"""The files of findings: tumours.csv and false_findings.csv, and both in findings.json; SI units, world frame.
+
+A second class has targets.csv and target_false_findings.csv, of the same columns.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mapping.storage import replacing
+from sim.record.run_folder import table_cell
+
+from .findings import FalseFinding, Findings, TumourFinding
+
+TUMOURS, FALSE_FINDINGS, FINDINGS = "tumours.csv", "false_findings.csv", "findings.json"
+TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"
+
+
+def write_finding_tables(folder: Path, findings: Findings) -> None:
+    """Write both tables of each class to a run's folder, and findings.json."""
+    _write(folder / TUMOURS, [tumour_row(each) for each in findings.tumours], tumour_row(None))
+    _write(folder / FALSE_FINDINGS, [false_row(each) for each in findings.false], false_row(None))
+    if findings.target is not None:
+        bodies, false = findings.target.tumours, findings.target.false
+        _write(
+            folder / TARGETS, [_of_target(tumour_row(each)) for each in bodies], _of_target(tumour_row(None))
+        )
+        _write(
+            folder / FALSE_TARGETS,
+            [_of_target(false_row(each)) for each in false],
+            _of_target(false_row(None)),
+        )
+    with replacing(folder / FINDINGS) as file:
+        file.write((json.dumps(finding_summary(findings), indent=2, allow_nan=False) + "\n").encode())
+
+
+def tumour_row(finding: TumourFinding | None) -> dict[str, Any]:
+    """A row of tumours.csv; with None its columns."""
+    overlap = finding.overlap if finding else None
+    row: dict[str, Any] = {
+        name: getattr(finding, name, None)
+        for name in (
+            "tumour",
+            "is_found",
+            "first_seen_step",
+            "sensed_step",
+            "first_mapped_step",
+            "sensed_fraction",
+        )
+    }
+    row["true_volume_m3"] = getattr(finding, "true_volume_m3", None)
+    row["mapped_volume_m3"] = (
+        overlap.mapped_volume_m3 if overlap else (0.0 if finding and finding.is_found is False else None)
+    )
+    row |= {name: getattr(overlap, name, None) for name in ("centroid_error_m", "dice")}
+    row |= {name: getattr(finding, name, None) for name in ("surface_mean_m", "surface_hausdorff95_m")}
+    row |= _place("true_centroid", finding.true_centroid_m if finding else None)
+    return row | _place("mapped_centroid", overlap.mapped_centroid_m if overlap else None)
+
+
+def false_row(finding: FalseFinding | None) -> dict[str, Any]:
+    """A row of false_findings.csv; with None its columns."""
+    names = ("finding", "volume_m3", "highest_probability", "tumour_distance_m", "first_mapped_step")
+    row = {name: getattr(finding, name, None) for name in names}
+    return row | _place("centroid", finding.centroid_m if finding else None)
+
+
+def finding_summary(findings: Findings) -> dict[str, Any]:
+    """All findings and how many there are, as findings.json has them."""
+    target = {} if findings.target is None else {"target": _of_target(finding_summary(findings.target))}
+    return {
+        "called_from_probability": findings.probability,
+        "n_tumours": len(findings.tumours),
+        "n_tumours_found": findings.n_found,
+        "n_false_findings": len(findings.false),
+        "tumours": [tumour_row(finding) for finding in findings.tumours],
+        "false_findings": [false_row(finding) for finding in findings.false],
+        **target,
+    }
+
+
+def _of_target(value: Any) -> Any:
+    """The same of the second class: keys that say tumour say target."""
+    if isinstance(value, dict):
+        return {key.replace("tumour", "target"): _of_target(each) for key, each in value.items()}
+    return [_of_target(each) for each in value] if isinstance(value, list) else value
+
+
+def _place(name: str, point_m: Sequence[float] | Any) -> dict[str, Any]:
+    return {
+        f"{name}_{axis}_m": None if point_m is None else float(point_m[i]) for i, axis in enumerate("xyz")
+    }
+
+
+def _write(path: Path, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Any]) -> None:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: table_cell(value) for key, value in row.items()} for row in rows)
+    with replacing(path) as file:
+        file.write(text.getvalue().encode())

@@ -1,0 +1,101 @@
+"""Frames: a captioned picture per action, compressed on a thread of its own while the episode goes on."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
+
+from mapping.storage import replacing
+from sim.closeable import Closeable
+from sim.episode.episode import Episode, Step
+from sim.world.anatomy.anatomy import Anatomy
+from sim.world.scene.rendering import Overlay, SceneRenderer
+
+from .captions import captioned
+from .png import png_bytes
+
+LIKELY = 0.7
+"""Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
+
+
+class EpisodeFrames(Closeable):
+    """The frames of one episode, drawn into the folder `frames` of its run; none without a renderer."""
+
+    def __init__(self, run_path: Path, episode: Episode, renderer: SceneRenderer | None) -> None:
+        """Draw with `renderer`, which knows the scene of `episode`, below `run_path`."""
+        self._folder, self._renderer, self._episode = run_path / "frames", renderer, episode
+        self._pool = ThreadPoolExecutor(max_workers=1)
+        self._pending: list[Future[None]] = []
+        self._cell_size_m = float(np.diff(episode.setup.query.axes_m[0]).min())
+        self.draw_s = 0.0
+        """Seconds that drawing kept the episode waiting."""
+        if renderer is not None:
+            self._folder.mkdir(exist_ok=True)
+
+    def draw(self, name: str, step: Step) -> None:
+        """Draw the episode's present state, at the pose of `step`, to `name` in the folder."""
+        if self._renderer is None:
+            return
+        start_s = perf_counter()
+        pixels = self._renderer.render(self._episode.data, self._overlay(step))
+        caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
+        self._pending = [job for job in self._pending if not job.done() or job.result()]
+        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption, anatomy))
+        self.draw_s += perf_counter() - start_s
+
+    def _overlay(self, step: Step) -> Overlay:
+        episode = self._episode
+        workspace = episode.setup.workspace
+        sensed_m = workspace.positions_m[episode.sensed]
+        prediction = episode.prediction
+        cells_m = np.empty((0, 3))
+        if prediction is not None:
+            cells_m = episode.setup.search_points_m[self._is_rind(prediction.probability > LIKELY)]
+        return Overlay(
+            sensed_m=sensed_m,
+            cells_m=cells_m,
+            cell_size_m=self._cell_size_m,
+            path_m=step.motion.tips_m,
+        )
+
+    def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which search points are likely and have a neighbour that is not: what is seen of a heap of cells."""
+        setup = self._episode.setup
+        on_lattice = np.zeros(setup.query.n_points, dtype=np.bool_)
+        on_lattice[setup.is_inside] = is_likely
+        core = binary_erosion(on_lattice.reshape(setup.query.shape))
+        return is_likely & ~core.ravel()[setup.is_inside]
+
+    def close(self) -> None:
+        """Wait until every picture is on the disk.
+
+        Raises:
+            OSError: A picture could not be written.
+        """
+        self._pool.shutdown(wait=True)
+        for job in self._pending:
+            job.result()
+        self._pending.clear()
+
+
+def _caption(episode: Episode, step: Step) -> str:
+    """Scenario, planner, and where the episode stands."""
+    parts = [f"{episode.setup.scenario.name}", f"action {step.step}"]
+    if step.sensed_fraction is not None:
+        parts.append(f"tumour sensed {step.sensed_fraction:.0%}")
+    if step.auprc is not None:
+        parts.append(f"AUPRC {step.auprc:.2f}")
+    if episode.target is not None and step.target is not None:
+        parts.append(f"{episode.target.name} sensed {step.target.sensed_fraction:.0%}")
+    return "   ·   ".join(parts)
+
+
+def _save(path: Path, pixels: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> None:
+    target = None if anatomy.target is None else anatomy.target.name
+    with replacing(path) as file:
+        file.write(png_bytes(captioned(pixels, caption, anatomy.structures, target)))

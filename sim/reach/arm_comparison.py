@@ -1,0 +1,124 @@
+"""The program behind `sounding reach --arm A B ...`: several arms on one workspace, in one table."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from sim.cli.arm_options import ReachOptions
+from sim.record.locked_folder import check_out_folder
+from sim.record.run_folder import RunFolder
+from sim.world.scene.named_arms import NAMED_ARMS
+
+from .figures import draw_arms
+from .study import ArmStudy, arm_of, study_arm
+from .tables import check_parquet, csv_text
+from .workcell import build_workcell
+
+COLUMNS = {
+    "arm": "arm",
+    "n_joints": "joints",
+    "reached_fraction": "reached",
+    "best_reached_fraction": "reached from its best base",
+    "largest_region_fraction": "largest region",
+    "score_median": "score, median",
+    "clearance_m_p10": "clearance, 10th percentile [mm]",
+    "joint_limit_distance_rad_p10": "room to limits, 10th percentile [deg]",
+    "manipulability_median": "manipulability, median [m³]",
+    "main_reason": "why not, mostly",
+    "poses_per_s": "poses a second",
+}
+"""Columns of the table of arms: their names in arms.csv, and in arms.md and the terminal."""
+
+
+def run_comparison(options: ReachOptions) -> dict[str, Any]:
+    """Study several arms on one workspace, each into a folder of its own; returns the summary with the table.
+
+    Raises:
+        UsageError, WorldError: Something asked for cannot be done; nothing was written then.
+    """
+    start_s = perf_counter()
+    scenario, names = options.make_scenario(), folder_names(options.arm)
+    out = options.out_folder(scenario)
+    for folder in (out, *(out / name for name in names)):
+        check_out_folder(folder, overwrite=options.overwrite)
+    if options.parquet:
+        check_parquet()
+    arms = [arm_of(options, index) for index in range(len(names))]
+    with threadpool_limits(limits=1):
+        workcell = build_workcell(scenario, arms[0])
+        workcells = [workcell, *(workcell.with_arm(arm) for arm in arms[1:])]
+        with RunFolder(out, overwrite=options.overwrite) as folder:
+            folder.begin({"options": dataclasses.asdict(options)}, {"seed": options.seed})
+            studies = [
+                study_arm(workcell, options, name, out / name)
+                for workcell, name in zip(workcells, names, strict=True)
+            ]
+            rows = [comparison_row(study) for study in studies]
+            folder.write_text("arms.csv", csv_text(rows))
+            folder.write_text("arms.md", markdown_table(rows))
+            draw_arms(out / "arms.png", [(s.name, s.workcell, s.study) for s in studies])
+            summary = {
+                "scenario": scenario.name,
+                "arms": [study.summary for study in studies],
+                "folder": str(out),
+                "status": "finished",
+                "wall_s": perf_counter() - start_s,
+            }
+            folder.write_json("summary.json", summary)
+            folder.finish("finished")
+    return summary | {"table": markdown_table(rows)}
+
+
+def folder_names(arms: Sequence[str]) -> list[str]:
+    """A name for each arm, none twice: the one asked for, or its file's."""
+    names: list[str] = []
+    for arm in arms:
+        stem = arm if arm in NAMED_ARMS else Path(arm).stem
+        taken = sum(name == stem or name.startswith(f"{stem}-") for name in names)
+        names.append(f"{stem}-{taken + 1}" if taken else stem)
+    return names
+
+
+def comparison_row(study: ArmStudy) -> dict[str, Any]:
+    """One arm's row of the table: the values of `COLUMNS`, and its best base where one was sought."""
+    summary = study.summary
+    found: Mapping[str, Any] = summary.get("base_search", {})
+    row = {name: summary.get(name, found.get(name)) for name in COLUMNS}
+    missed = [name for name in summary["reasons"] if name != "reached"]
+    row["main_reason"] = missed[0].replace("_", " ") if missed else ""
+    return row | {"best_base": found.get("best_options", "")}
+
+
+def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The rows as a Markdown table; columns that no arm has a value in are left out."""
+    names = [name for name in COLUMNS if any(row[name] not in (None, "") for row in rows)]
+    cells = [[COLUMNS[name] for name in names], *([_cell(name, row[name]) for name in names] for row in rows)]
+    widths = [max(len(line[i]) for line in cells) for i in range(len(names))]
+    lines = [
+        "| " + " | ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) + " |"
+        for line in cells
+    ]
+    lines.insert(1, "|" + "|".join("-" * (width + 2) for width in widths) + "|")
+    bases = [f"{row['arm']}: {row['best_base']}" for row in rows if row["best_base"]]
+    tail = "\n\nBest bases:\n\n" + "\n".join(f"- {base}" for base in bases) if bases else ""
+    return "\n".join(lines) + tail + "\n"
+
+
+def _cell(name: str, value: Any) -> str:
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, str):
+        return value
+    if name.endswith("_fraction"):
+        return f"{value:.1%}"
+    if name.startswith("clearance_m"):
+        return f"{value * 1e3:.0f}"
+    if name.startswith("joint_limit"):
+        return f"{value * 180.0 / 3.141592653589793:.0f}"
+    return f"{value:.0f}" if name in ("poses_per_s", "n_joints") else f"{value:.3g}"

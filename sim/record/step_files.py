@@ -1,0 +1,151 @@
+"""The files of a run: its configuration, what each step adds to the tables, and the map."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from mapping import Prediction
+from planner import Workspace
+from planner.acquisition import expected_improvement
+from sim.episode.episode import Episode, Step
+from sim.episode.setup import Setup
+from sim.running.options import EpisodeOptions
+from sim.running.summary import SECONDS
+
+from .map_history import write_history
+from .map_volumes import map_volumes, maps_in
+from .poses import POSES_CSV, pose_row
+from .run_folder import RunFolder
+from .trajectories import write_motion
+
+
+def run_config(options: EpisodeOptions, setup: Setup, map_settings: Any) -> dict[str, Any]:
+    """Everything needed to repeat the run: the options and what they stand for."""
+    return {
+        "options": dataclasses.asdict(options),
+        "scenario": dataclasses.asdict(setup.scenario),
+        "map": dataclasses.asdict(map_settings),
+        "insets": None if (insets := options.make_insets()) is None else dataclasses.asdict(insets),
+        "T_world_organ": setup.T_world_organ,
+        "T_input_world": np.linalg.inv(setup.T_world_organ),
+        "input_axes": "LPS [m]: +x left, +y back, +z head of the patient; NIfTI has RAS [mm]",
+        "n_poses": setup.workspace.n_poses,
+        "n_hinges": int(setup.hinge_mask.sum()),
+        "n_search_points": len(setup.search_points_m),
+    }
+
+
+def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
+    """Append a step to the tables, write its motion and replace the map."""
+    positioner, workspace = episode.setup.positioner, episode.setup.workspace
+    folder.append_row("steps.csv", _step_row(episode, step))
+    for skipped in step.skipped:
+        row = {"step": step.step, "pose_index": skipped.pose_index, "reason": skipped.reason}
+        row |= _place_of(workspace, skipped.pose_index)
+        folder.append_row("skipped.csv", row)
+    for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
+        row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
+        folder.append_row("states.csv", row | dict(zip(positioner.joint_names, q, strict=True)))
+    write_motion(folder, step.step, step.motion)
+    tip = step.reading.T_world_probe
+    folder.append_row(POSES_CSV, pose_row(step.step, step.pose_index, tip, episode.setup.T_world_organ))
+    if episode.prediction is not None:
+        target = None if episode.target is None else episode.target.prediction
+        scores = [each.score for each in (episode.prediction, target) if each is not None]
+        write_history(folder, step.step, *scores)
+    write_map(folder, episode, is_final=False)
+
+
+def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
+    """A row of steps.csv."""
+    return {
+        "step": step.step,
+        "pose_index": step.pose_index,
+        **_place_of(episode.setup.workspace, step.pose_index),
+        **dict(zip(episode.setup.positioner.joint_names, step.ik.q, strict=True)),
+        "position_error_m": step.ik.position_error_m,
+        "angle_error_rad": step.ik.angle_error_rad,
+        "n_points": len(step.reading.points_m),
+        "n_occupied": int(step.reading.is_occupied.sum()),
+        "sensed_fraction": step.sensed_fraction,
+        "auprc": step.auprc,
+        **_target_cells(step),
+        "expected_improvement": best_improvement(episode.prediction),
+        "n_skipped": len(step.skipped),
+        "motion_s": step.motion.motion_s,
+        "procedure_s": step.procedure_s,
+        "joint_travel_rad": step.motion.joint_travel_rad,
+        "tip_path_m": step.motion.tip_path_m,
+        "tracking_error_m": step.motion.tracking_error_m,
+        "tracking_error_rad": step.motion.tracking_error_rad,
+        "contact_force_n": step.motion.contact_force_n,
+        "peak_force_n": step.motion.peak_force_n,
+        **{name: getattr(step, name) for name in SECONDS},
+    }
+
+
+def _target_cells(step: Step) -> dict[str, float | None]:
+    """How the second class stands, as columns; none where there is no such class."""
+    score, labels = step.target, step.reading.is_target
+    if score is None:
+        return {}
+    return {
+        "n_target": None if labels is None else int(labels.sum()),
+        "target_sensed_fraction": score.sensed_fraction,
+        "target_auprc": score.auprc,
+    }
+
+
+def best_improvement(prediction: Prediction | None) -> float | None:
+    """The highest expected improvement of the latent that any search point still promises; None without a map."""
+    if prediction is None:
+        return None
+    mean, variance = prediction.latent_mean, prediction.latent_variance
+    return float(expected_improvement(mean, variance, incumbent=float(mean.max())).max())
+
+
+def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
+    """A pose's position and inward normal as columns."""
+    position_m, normal = workspace.positions_m[pose], workspace.normals[pose]
+    return {f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")} | {
+        f"normal_{axis}": normal[i] for i, axis in enumerate("xyz")
+    }
+
+
+def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
+    """Write the maps as arrays on the query lattice, NaN outside the organ, and the final ones as NIfTI too."""
+    setup, prediction, target = episode.setup, episode.prediction, episode.target
+    if prediction is None:
+        return
+    x_m, y_m, z_m = setup.query.axes_m
+    is_inside = _on_lattice(setup, np.ones(len(setup.search_points_m), dtype=bool))
+    arrays = {"x_m": x_m, "y_m": y_m, "z_m": z_m, **_prediction_arrays(setup, prediction)}
+    arrays |= {"is_tumour": _on_lattice(setup, episode.truth.is_tumour), "is_inside": is_inside}
+    if target is not None and target.prediction is not None:
+        own = _prediction_arrays(setup, target.prediction)
+        arrays |= {f"target_{name}": values for name, values in own.items()}
+        arrays["is_target"] = _on_lattice(setup, target.truth.is_target)
+    folder.write_arrays("map.npz", compressed=is_final, **arrays)
+    if is_final:
+        for each in maps_in(arrays, None if target is None else target.name):
+            for name, content in map_volumes(each, setup.T_world_organ).items():
+                folder.write_bytes(name, content)
+
+
+def _prediction_arrays(setup: Setup, prediction: Prediction) -> dict[str, np.ndarray]:
+    """A map on the lattice."""
+    names = ("probability", "latent_mean", "latent_variance")
+    return {name: _on_lattice(setup, getattr(prediction, name)) for name in names}
+
+
+def _on_lattice(setup: Setup, values: np.ndarray) -> np.ndarray:
+    """Values of the search points on the whole lattice: NaN, or False, outside the organ."""
+    is_flag = values.dtype == bool
+    filled = np.full(
+        setup.query.n_points, False if is_flag else np.nan, dtype=bool if is_flag else np.float32
+    )
+    filled[setup.is_inside] = values
+    return filled.reshape(setup.query.shape)

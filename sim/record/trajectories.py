@@ -1,0 +1,136 @@
+"""Trajectory files: the states of a run and the anatomy around them, so that a replay needs nothing else."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episode.motion import Motion
+from sim.errors import UsageError
+from sim.world.anatomy.anatomy import Anatomy, build_anatomy
+from sim.world.anatomy.structures import Structure
+from sim.world.errors import WorldError
+from sim.world.solids.solid import Solid
+
+from .run_folder import RunFolder
+
+ANATOMY = "anatomy.npz"
+KEYS = ("time_s", "states", "tips_m", "phases")
+
+
+def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
+    """Write the states of one step's motion to motion/<step>.npz."""
+    arrays = {key: getattr(motion, key) for key in KEYS}
+    folder.write_arrays(f"motion/{step:05d}.npz", compressed=True, **arrays)
+
+
+def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
+    """Write the surfaces of organ, tumours, targets and structures, and the points that tell detection, world [m]."""
+    structures, target = anatomy.structures, anatomy.target
+    solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
+    solids |= {f"structure{i}": structure.solid for i, structure in enumerate(structures)}
+    if target is not None:
+        solids |= {f"target{i}": body for i, body in enumerate(target.tumours)}
+    arrays = {f"{name}_vertices_m": solid.vertices_m for name, solid in solids.items()}
+    arrays |= {f"{name}_faces": solid.faces.astype(np.int32) for name, solid in solids.items()}
+    arrays |= {
+        "detection_points_m": anatomy.detection_points_m,
+        "detection_tumours": anatomy.detection_tumours,
+        "structure_names": np.array([structure.name for structure in structures], dtype=np.str_),
+        "structure_is_keepout": np.array([structure.is_keepout for structure in structures], dtype=np.bool_),
+    }
+    if target is not None:
+        arrays |= {
+            "target_name": np.array(target.name),
+            "target_detection_points_m": target.detection_points_m,
+            "target_detection_tumours": target.detection_tumours,
+        }
+    folder.write_arrays(ANATOMY, compressed=True, **arrays)
+
+
+def read_anatomy(folder: Path) -> Anatomy:
+    """The anatomy of a run, without detection points; without structures where they were not kept yet.
+
+    Raises:
+        UsageError: The file is missing or broken.
+    """
+    try:
+        with np.load(folder / ANATOMY, allow_pickle=False) as arrays:
+            names = [key.removesuffix("_faces") for key in arrays.files if key.endswith("_faces")]
+            solids = {name: Solid(arrays[f"{name}_vertices_m"], arrays[f"{name}_faces"]) for name in names}
+            target = None
+            if "target_name" in arrays.files:
+                target = _bare(str(arrays["target_name"]), solids, "target")
+            return _bare(folder.name, solids, "tumour", target, _structures(arrays, solids))
+    except FileNotFoundError as error:
+        raise UsageError(
+            f"{folder / ANATOMY}: missing; only runs that recorded motion can be replayed."
+        ) from error
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, WorldError) as error:
+        raise UsageError(f"{folder / ANATOMY}: cannot be read ({error}). Run the episode again.") from error
+
+
+def _bare(
+    name: str,
+    solids: Mapping[str, Solid],
+    kind: str,
+    target: Anatomy | None = None,
+    structures: tuple[Structure, ...] = (),
+) -> Anatomy:
+    """The organ with all bodies of a kind, without detection points."""
+    bodies = tuple(solids[f"{kind}{i}"] for i in range(sum(each.startswith(kind) for each in solids)))
+    return build_anatomy(
+        solids["organ"], bodies, name=name, rng=np.random.default_rng(0), n_detection_points=0, target=target,
+        structures=structures,
+    )  # fmt: skip
+
+
+def _structures(arrays: Mapping[str, NDArray[Any]], solids: Mapping[str, Solid]) -> tuple[Structure, ...]:
+    """The structures of an anatomy's file; none in one of before they were kept."""
+    if "structure_names" not in arrays:
+        return ()
+    marks = zip(arrays["structure_names"], arrays["structure_is_keepout"], strict=True)
+    return tuple(
+        Structure(name=str(name), solid=solids[f"structure{i}"], is_keepout=bool(is_keepout))
+        for i, (name, is_keepout) in enumerate(marks)
+    )
+
+
+def read_motions(folder: Path) -> dict[int, Motion]:
+    """The recorded motions of a run by step, in order.
+
+    Raises:
+        UsageError: There are none, or a file is broken.
+    """
+    files = sorted((folder / "motion").glob("*.npz"))
+    if not files:
+        raise UsageError(f"{folder}: holds no motion/*.npz, so there is nothing to replay.")
+    return {_step_of(file): _read_motion(file) for file in files}
+
+
+def _step_of(file: Path) -> int:
+    if not file.stem.isdecimal():
+        raise UsageError(f"{file}: is not named by the number of a step; remove it.")
+    return int(file.stem)
+
+
+def _read_motion(file: Path) -> Motion:
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            time_s, states, tips_m, phases = (arrays[key] for key in KEYS)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise UsageError(f"{file}: cannot be read ({error}). Run the episode again.") from error
+    shapes_fit = states.ndim == 2 and time_s.shape == phases.shape == states.shape[:1] != (0,)
+    if not (
+        shapes_fit
+        and np.isfinite(states).all()
+        and np.isfinite(time_s).all()
+        and (np.diff(time_s) >= 0).all()
+    ):
+        raise UsageError(f"{file}: times and states do not fit together. Run the episode again.")
+    return Motion(time_s=time_s, states=states, tips_m=tips_m, phases=phases, joint_travel_rad=None)

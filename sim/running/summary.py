@@ -1,0 +1,96 @@
+"""The totals: what the steps of an episode add up to, as its summary tells it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any
+
+from mapping import MapMetrics
+from sim.episode.episode import Episode, Step
+from sim.episode.target_belief import TargetBelief
+
+from .options import EpisodeOptions
+
+SENSED_TARGET = 0.95
+"""The paper's measure of detection: this share of the tumours' points was sensed."""
+SECONDS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
+"""Columns of computing time, which no run repeats."""
+
+
+@dataclass
+class Totals:
+    """What the steps so far add up to."""
+
+    steps: list[Step] = field(default_factory=list)
+    sensings_to_95: int | None = None
+    target_sensings_to_95: int | None = None
+    """The same of a second class."""
+    n_skipped_poses: int = 0
+
+    def add(self, step: Step) -> None:
+        """Count one more step."""
+        self.steps.append(step)
+        self.n_skipped_poses += len(step.skipped)
+        if self.sensings_to_95 is None and (step.sensed_fraction or 0.0) >= SENSED_TARGET:
+            self.sensings_to_95 = step.step
+        target_share = 0.0 if step.target is None else step.target.sensed_fraction
+        if self.target_sensings_to_95 is None and target_share >= SENSED_TARGET:
+            self.target_sensings_to_95 = step.step
+
+    def seconds(self) -> dict[str, float]:
+        """Time by part [s]."""
+        return {name: sum(getattr(step, name) for step in self.steps) for name in SECONDS}
+
+    def motion(self) -> dict[str, float | None]:
+        """Modelled time of the procedure and ways of joints and tip."""
+        travels_rad = [step.motion.joint_travel_rad for step in self.steps]
+        return {
+            "motion_s": sum(step.motion.motion_s for step in self.steps),
+            "procedure_s": sum(step.procedure_s for step in self.steps),
+            "joint_travel_rad": None if None in travels_rad else sum(way for way in travels_rad if way),
+            "tip_path_m": sum(step.motion.tip_path_m for step in self.steps),
+        }
+
+
+def episode_summary(
+    options: EpisodeOptions, episode: Episode, totals: Totals, metrics: MapMetrics | None
+) -> dict[str, Any]:
+    """What an episode came to, as `summary.json` and the rows of trials have it."""
+    last = totals.steps[-1] if totals.steps else None
+    tumour_of = episode.truth.anatomy.tumour_of(episode.setup.search_points_m)
+    return {
+        "scenario": episode.setup.scenario.name,
+        "planner": options.planner,
+        "arm": options.arm,
+        "seed": options.seed,
+        "n_sensings": len(totals.steps),
+        "sensings_to_95": totals.sensings_to_95,
+        "sensed_fraction": None if last is None else last.sensed_fraction,
+        "attainable_fraction": episode.truth.attainable_fraction,
+        **({} if metrics is None else dataclasses.asdict(metrics)),
+        "n_points_per_tumour": [
+            int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))
+        ],
+        **_target_summary(episode.target, totals),
+        "confidence": episode.confidence(),
+        "n_skipped_poses": totals.n_skipped_poses,
+        **totals.motion(),
+        **totals.seconds(),
+    }
+
+
+def _target_summary(target: TargetBelief | None, totals: Totals) -> dict[str, Any]:
+    """What the episode came to in the second class; nothing where there is none."""
+    if target is None:
+        return {}
+    last, metrics = totals.steps[-1].target if totals.steps else None, target.metrics()
+    figures = {
+        "name": target.name,
+        "n_bodies": len(target.truth.anatomy.tumours),
+        "sensings_to_95": totals.target_sensings_to_95,
+        "sensed_fraction": None if last is None else last.sensed_fraction,
+        "attainable_fraction": target.truth.attainable_fraction,
+        **({} if metrics is None else dataclasses.asdict(metrics)),
+    }
+    return {f"target_{name}": value for name, value in figures.items()}

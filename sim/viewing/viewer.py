@@ -1,0 +1,79 @@
+"""The program behind `sounding view`: a run in MuJoCo's own viewer, played from its recorded states."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+
+import mujoco
+
+from sim.cli.view_options import ViewOptions
+from sim.errors import UsageError
+from sim.record.run_record import load_run
+from sim.world.scene.scene import Group
+
+from .replay import Recording, read_recording, set_state
+
+FRAME_S = 1 / 60
+
+
+def run_view(options: ViewOptions) -> str:
+    """Show a run until the window is closed, or log it; returns what is to be printed.
+
+    Raises:
+        UsageError, WorldError: The run cannot be read, there is no display, or Rerun is not installed.
+    """
+    if options.rerun is not None:
+        from .rerun_log import write_rerun
+
+        n_actions = write_rerun(load_run(options.folder), read_recording(options.folder), options.rerun)
+        return f"wrote {n_actions} actions to {options.rerun}; rerun {options.rerun} shows them"
+    recording = read_recording(options.folder)
+    check_display()
+    play(recording, options.speed)
+    return "closed"
+
+
+def check_display() -> None:
+    """Nothing, if a window can be opened.
+
+    Raises:
+        UsageError: There is no display.
+    """
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise UsageError(
+            "view: there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set). Open the run's report.html "
+            "in a browser, make a video with `sounding replay DIR --video FILE.mp4`, or log it with --rerun FILE.rrd."
+        )
+
+
+def play(recording: Recording, speed: float) -> None:
+    """Play a run over and over until the window is closed.
+
+    Raises:
+        UsageError: The window cannot be opened.
+    """
+    from mujoco import viewer as mujoco_viewer  # needs GLFW, which only a display has
+
+    data = recording.scene.new_data()
+    set_state(recording.scene, data, recording.at(0.0)[1])
+    try:
+        window = mujoco_viewer.launch_passive(
+            recording.scene.model, data, show_left_ui=False, show_right_ui=False
+        )
+    except (RuntimeError, mujoco.FatalError) as error:
+        raise UsageError(f"view: MuJoCo's viewer cannot open a window ({error}).") from error
+    with window:
+        window.opt.geomgroup[[Group.ORGAN, Group.TUMOUR]] = 1  # the viewer hides groups from 3 on
+        centre_m = recording.scene.anatomy.organ.bounds_m.mean(axis=0)
+        window.cam.lookat[:] = centre_m
+        window.cam.distance, window.cam.azimuth, window.cam.elevation = 0.9, 120.0, -28.0
+        began = time.perf_counter()
+        while window.is_running():
+            time_s = (time.perf_counter() - began) * speed % max(recording.duration_s, FRAME_S)
+            set_state(recording.scene, data, recording.at(time_s)[1])
+            window.sync()
+            time.sleep(FRAME_S)

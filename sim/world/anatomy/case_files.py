@@ -1,0 +1,204 @@
+"""Organ, tumours and structures from files: meshes, label volumes, or both, in one frame.
+
+All coordinates are those of the files in metres, taken for patient axes (LPS: +x left, +y back, +z head). Label
+volumes say where they lie; meshes are LPS unless their header or the user says RAS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from sim.world.errors import MeshError, VolumeError
+from sim.world.meshes.file_kinds import MeshFrame, Unit
+from sim.world.meshes.meshes import load_mesh, load_surface, remarks_on_size
+from sim.world.solids.solid import Solid
+from sim.world.volumes.files import is_volume, load_volume
+from sim.world.volumes.label_anatomy import LabelledAnatomy, anatomy_of, box_of, tumour_pieces
+from sim.world.volumes.label_coding import CODINGS, Coding, LabelChoice, coding_of
+from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
+from sim.world.volumes.volume import Volume, shifted
+
+from .structures import Structure
+
+BodyKind = Literal["tumour", "target"]
+"""What is mapped in an organ: tumours, or the bodies of a second class."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseFiles:
+    """Which files hold an anatomy, and how to read them."""
+
+    organ: str
+    """Mesh or label volume of the organ."""
+    tumours: tuple[str, ...] = ()
+    """Meshes or label volumes of tumours, besides those that the organ's volume holds."""
+    targets: tuple[str, ...] = ()
+    """Meshes or label volumes of a second class to be mapped, besides what the organ's volume holds of it."""
+    structures: tuple[str, ...] = ()
+    """Meshes or masks of structures to show."""
+    keepouts: tuple[str, ...] = ()
+    """Meshes or masks of structures to keep away from."""
+    unit: Unit = "mm"
+    """Unit of meshes."""
+    frame: MeshFrame = "auto"
+    """Axes of meshes: lps, ras, or auto for what the file says, else lps."""
+    labels: LabelChoice = field(default_factory=LabelChoice)
+    """What the labels of volumes mean."""
+    spacing_m: tuple[float, float, float] | None = None
+    """Distances between voxels in place of the header's [m]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadedAnatomy:
+    """An anatomy in the coordinates of its files, LPS [m].
+
+    Attributes:
+        organ: The organ.
+        tumours: Its tumours.
+        tumour_names: What to call each.
+        targets: The bodies of a second class to be mapped.
+        target_names: What to call each.
+        structures: What else there is.
+        notices: One sentence for each repair, assumption and remarkable property.
+    """
+
+    organ: Solid
+    tumours: tuple[Solid, ...] = ()
+    tumour_names: tuple[str, ...] = ()
+    targets: tuple[Solid, ...] = ()
+    target_names: tuple[str, ...] = ()
+    structures: tuple[Structure, ...] = ()
+    notices: tuple[str, ...] = ()
+
+
+def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAnatomy:
+    """The anatomy that files hold.
+
+    Args:
+        files: The files.
+        volume: The organ's label volume, where the caller has loaded it already.
+
+    Raises:
+        WorldError: A file cannot be used.
+    """
+    notices: list[str] = []
+    if is_volume(files.organ):
+        found = _labelled(files, volume or load_volume(files.organ, spacing_m=files.spacing_m), notices)
+    else:
+        mesh = load_mesh(files.organ, files.unit, role="organ", frame=files.frame)
+        notices += mesh.notices
+        found = LabelledAnatomy(organ=mesh.solid)
+        _refuse_labels(files)
+    tumours, tumour_names = _with_files(found.tumours, "tumour", files, notices)
+    targets, target_names = _with_files(found.targets, "target", files, notices)
+    if not targets and (files.targets or files.labels.targets):
+        raise VolumeError(
+            f"{files.organ}: nothing is left of the target class ({'; '.join(notices)}); pass another --target-label, "
+            "or leave it out"
+        )
+    structures = list(found.structures)
+    structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
+    structures += [_structure(file, files, notices, is_keepout=True) for file in files.keepouts]
+    return LoadedAnatomy(
+        organ=found.organ,
+        tumours=tumours,
+        tumour_names=tumour_names,
+        targets=targets,
+        target_names=target_names,
+        structures=tuple(structures),
+        notices=tuple(notices),
+    )
+
+
+def _with_files(
+    found: tuple[Solid, ...], role: BodyKind, files: CaseFiles, notices: list[str]
+) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
+    """The tumours or targets that the organ's volume holds and those in files of their own, and their names."""
+    solids = list(found)
+    names = [f"{Path(files.organ).name}: {role} {i + 1}" for i in range(len(solids))]
+    for file in files.tumours if role == "tumour" else files.targets:
+        held = _solids_of(file, role, files, notices)
+        solids += held
+        names += [file] if len(held) == 1 else [f"{file}: {role} {i + 1}" for i in range(len(held))]
+    return tuple(solids), tuple(names)
+
+
+def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledAnatomy:
+    coding, remarks = coding_of(volume, files.labels, files.organ)
+    found = anatomy_of(volume, coding, files.organ)
+    said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
+    notices += [*volume.notices, *(f"{volume.name}: {text}" for text in said)]
+    return found
+
+
+def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
+    """What is to be said of the size of an organ from a volume."""
+    remarks = remarks_on_size(organ.volume_m3, "organ")
+    if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
+        remarks.append(
+            "its header says 1 x 1 x 1 mm, which is what a lost header says: pass the scan's own spacing as "
+            "--spacing-mm X Y Z"
+        )
+    return remarks
+
+
+def _refuse_labels(files: CaseFiles) -> None:
+    """Nothing, unless labels are asked for of a mesh.
+
+    Raises:
+        MeshError: They are.
+    """
+    labels = files.labels
+    if (
+        (labels.organ or labels.structures or labels.keepouts)
+        or (labels.tumours and not any(is_volume(file) for file in files.tumours))
+        or (labels.targets and not any(is_volume(file) for file in files.targets))
+    ):
+        raise MeshError(
+            f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "
+            "tumours as --tumour FILE, targets as --target FILE, structures as --structure FILE or --keepout FILE"
+        )
+
+
+def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) -> list[Solid]:
+    """The tumour or target of a mesh, or the pieces of a label volume."""
+    if not is_volume(file):
+        mesh = load_mesh(file, files.unit, role=role, frame=files.frame)
+        notices += mesh.notices
+        return [mesh.solid]
+    volume = load_volume(file, spacing_m=files.spacing_m)
+    notices += volume.notices
+    coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
+    wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
+    wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
+    pieces, sizes = tumour_pieces(volume.labels, wanted)
+    solids = []
+    for piece in np.argsort(-sizes[1:], kind="stable")[:50] + 1:
+        diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
+        box = box_of(pieces == piece)
+        solids.append(
+            surface_of(pieces[box] == piece, shifted(volume.T_lps_voxel, box), tumour_surface(diameter_m))
+        )
+    return solids
+
+
+def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: bool) -> Structure:
+    name = Path(file).name.split(".")[0]
+    if not is_volume(file):
+        surface = load_surface(file, files.unit, frame=files.frame)
+        notices += surface.notices
+        return Structure(name=name, solid=surface.solid, is_keepout=is_keepout)
+    volume = load_volume(file, spacing_m=files.spacing_m)
+    notices += volume.notices
+    if len(volume.counts) > 1:
+        raise VolumeError(
+            f"{file}: holds {len(volume.counts)} labels, and a structure's file one; name labels of the organ's "
+            "own volume with --structure-label or --keepout-label"
+        )
+    box = box_of(volume.labels > 0)
+    solid = surface_of(volume.labels[box] > 0, shifted(volume.T_lps_voxel, box), STRUCTURE_SURFACE)
+    return Structure(name=name, solid=solid, is_keepout=is_keepout)

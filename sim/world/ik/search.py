@@ -1,0 +1,206 @@
+"""The search: IK of many sensing poses at once, each by several starts, the most comfortable answer chosen."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.scene.clearance import PROBE_MARGIN_M, Clearance
+from sim.world.scene.clearance_meter import ClearanceMeter
+from sim.world.scene.scene import Scene
+
+from .attempts import n_distinct
+from .chain import Array, Chain, frames_along
+from .damped_least_squares import pose_errors
+from .result import IkResult, IkStatus
+from .result_builder import ResultBuilder
+from .settings import IkSettings
+from .start_rounds import Round, StartRounds
+from .start_set import StartSet
+
+CHUNK = 512
+"""Poses searched together: enough that NumPy's calls are cheap, few enough that the arrays stay in the cache."""
+SURE_STARTS = 12
+"""After this many starts a pose is given up whose closest answer is the stretched arm, at no limit and free."""
+SURE_M = 0.001
+"""A probe that at the exact pose is this far from the organ is clear of it within the IK's tolerances."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What the search found for N poses."""
+
+    results: list[IkResult]
+    """One per pose; joint positions are those of the whole scene."""
+    clearance_m: Array
+    """Least distance of the arm to table, organ and itself at the pose [m], at most `FAR_M`, NaN if not reached."""
+    n_solutions: NDArray[np.int64]
+    """Distinct answers among those of the first starts, shape (N,)."""
+
+    @classmethod
+    def joined(cls, parts: list[Answers]) -> Answers:
+        """Answers one after the other."""
+        return cls(
+            [result for part in parts for result in part.results],
+            np.concatenate([np.empty(0), *(part.clearance_m for part in parts)]),
+            np.concatenate([np.empty(0, dtype=np.int64), *(part.n_solutions for part in parts)]),
+        )
+
+    @property
+    def q(self) -> Array:
+        """Joint positions of the whole scene at the poses, shape (N, nq)."""
+        return np.array([result.q for result in self.results])
+
+    @property
+    def is_reached(self) -> NDArray[np.bool_]:
+        """Which poses are reached, shape (N,)."""
+        return np.array([result.is_reached for result in self.results], dtype=bool)
+
+
+class IkSearch:
+    """Solves sensing poses in batches for the arm of a scene. The answer to a pose depends on the pose alone."""
+
+    def __init__(self, scene: Scene, clearance: Clearance, settings: IkSettings | None = None) -> None:
+        """Read the arm's chain and draw the set of starts."""
+        self.settings = settings or IkSettings()
+        self.chain = Chain(scene)
+        self.meter = ClearanceMeter(scene, clearance)
+        self.clearance = clearance
+        self.starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        self._hub = self.chain.axis_hub()
+        self._reach = self.chain.hub_reach()
+
+    def with_settings(self, settings: IkSettings) -> IkSearch:
+        """The same search with other tolerances or effort; the starts stay those of this one."""
+        other = copy.copy(self)
+        other.settings = settings
+        return other
+
+    def with_effort(self, *, max_restarts: int) -> IkSearch:
+        """The same search with another number of restarts."""
+        return self.with_settings(replace(self.settings, max_restarts=max_restarts))
+
+    def at_base(self, T_world_base: Array) -> IkSearch:
+        """The same search with the arm's base elsewhere, at a frame of shape (4, 4).
+
+        The starts are those of this one, carried along; what they touch at the new place is not looked at, since every
+        answer is.
+        """
+        other = copy.copy(self)
+        other.chain = self.chain.at_base(T_world_base)
+        other.meter = self.meter.at_base(T_world_base)
+        other.starts = self.starts.at_base(other.chain)
+        other._reach = other.chain.hub_reach()
+        return other
+
+    def with_new_starts(self) -> IkSearch:
+        """The same search with starts drawn afresh, free of contacts where the base stands now."""
+        other = copy.copy(self)
+        other.starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        return other
+
+    def search(self, positions_m: Array, normals: Array) -> Answers:
+        """Answers to poses: positions [m] and inward unit normals, shape (N, 3) each."""
+        return Answers.joined(
+            [
+                self._search_chunk(positions_m[first : first + CHUNK], normals[first : first + CHUNK])
+                for first in range(0, len(positions_m), CHUNK)
+            ]
+        )
+
+    def too_far_m(self, positions_m: Array, normals: Array) -> Array:
+        """How far poses lie beyond the stretched arm [m], shape (N,); 0 or less decides nothing.
+
+        The last joint lies beside the beam at a known height, so where it must be is known from the pose alone.
+        """
+        height_m, beside_m = self._hub
+        shoulder_m, reach_m = self._reach
+        hubs_m = positions_m + height_m * normals
+        return np.linalg.norm(hubs_m - shoulder_m, axis=1) - reach_m - beside_m
+
+    def _search_chunk(self, positions_m: Array, normals: Array) -> Answers:
+        n, settings = len(positions_m), self.settings
+        results: list[IkResult | None] = [None] * n
+        clearance_m, n_solutions = np.full(n, np.nan), np.zeros(n, dtype=np.int64)
+        is_tight = self._refuse_hopeless(positions_m, normals, results)
+        approach = StartRounds(self.chain, self.meter, self.clearance, settings)
+        judge = ResultBuilder(self.chain, settings, self.too_far_m)
+        rows = np.array([row for row in range(n) if results[row] is None], dtype=np.int64)
+        n_starts = min(settings.max_restarts + 1, len(self.starts))
+        first, count = 0, settings.n_compared
+        while first < n_starts and len(rows):
+            last = min(first + count, n_starts)
+            chosen = self.starts.starts(positions_m[rows], normals[rows], first, last)
+            owner = np.repeat(np.arange(len(rows)), last - first)
+            of_pose = rows[owner]
+            starts = Round(
+                owner,
+                chosen.reshape(len(owner), -1),
+                positions_m[of_pose],
+                normals[of_pose],
+                is_tight[of_pose],
+            )
+            trials = approach.try_starts(starts)
+            found = n_distinct(trials.q.reshape(chosen.shape), trials.is_free.reshape(chosen.shape[:2]))
+            stays_open = np.zeros(len(rows), dtype=bool)
+            for index, row in enumerate(rows.tolist()):
+                mine = slice(index * (last - first), (index + 1) * (last - first))
+                result, best = judge.result(
+                    trials, mine, positions_m[row], normals[row], n_before=first, earlier=results[row]
+                )
+                results[row] = result
+                if result.is_reached:
+                    clearance_m[row], n_solutions[row] = trials.clearance_m[best], found[index]
+                else:
+                    stays_open[index] = last <= SURE_STARTS or result.status is not IkStatus.TOO_FAR
+            rows = rows[stays_open]
+            first, count = last, 2 * count
+        return Answers([result for result in results if result is not None], clearance_m, n_solutions)
+
+    def is_reached_from(self, starts: Array, position_m: Array, normal: Array) -> bool:
+        """Whether any start of the caller's, shape (N, n), leads to one pose, shape (3,) each."""
+        n = len(starts)
+        owner, is_tight = np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
+        approach = StartRounds(self.chain, self.meter, self.clearance, self.settings)
+        asked = Round(owner, starts, np.tile(position_m, (n, 1)), np.tile(normal, (n, 1)), is_tight)
+        return bool(approach.try_starts(asked).is_valid.any())
+
+    def _refuse_hopeless(
+        self, positions_m: Array, normals: Array, results: list[IkResult | None]
+    ) -> NDArray[np.bool_]:
+        """Answer the poses that need no search: too far, or the probe itself would enter the organ.
+
+        Returns:
+            Where the probe comes so close to the organ that each configuration has to be looked at, shape (N,).
+        """
+        is_tight = np.zeros(len(positions_m), dtype=bool)
+        chain = self.chain
+        home = np.tile(chain.home, (len(positions_m), 1))
+        errors = np.column_stack(pose_errors(chain.forward(home), positions_m, normals))
+        q = chain.full(chain.home)
+        R_world_tip = frames_along(normals)
+        lifts_m = (0.0, self.settings.standoff_m) if self.settings.standoff_m > 0 else (0.0,)
+        for lift_m in lifts_m:
+            at_m = positions_m - lift_m * normals
+            too_far_m = self.too_far_m(at_m, normals)
+            probe_m, geom = self.clearance.probe_distances(at_m, R_world_tip)
+            is_tight |= probe_m < SURE_M + self.settings.slack_m
+            place = "above the pose" if lift_m else "at the pose"
+            for row in np.flatnonzero((too_far_m > 0.0) | (probe_m < PROBE_MARGIN_M)).tolist():
+                if results[row] is not None:
+                    continue
+                if too_far_m[row] > 0.0:
+                    detail = f"The wrist would be {too_far_m[row] * 1e3:.0f} mm beyond it {place}."
+                    results[row] = IkResult(
+                        IkStatus.TOO_FAR, q, q, errors[row, 0], errors[row, 1], 0, 0, detail
+                    )
+                else:
+                    hit = self.meter.probe_collision(float(probe_m[row]), int(geom[row]))
+                    detail = f"However the arm stands, {hit} {place}."
+                    results[row] = IkResult(
+                        IkStatus.COLLISION, q, q, errors[row, 0], errors[row, 1], 0, 0, detail
+                    )
+        return is_tight

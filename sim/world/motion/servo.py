@@ -1,0 +1,154 @@
+"""The servo-driven arm: MuJoCo's dynamics under position servos, with the probe pressing on a compliant organ.
+
+MuJoCo would touch the organ's convex hull, so the organ stays out of its contacts: a spring and a damper act on the
+tip along the normal of the true surface, by the exact distance to its triangles.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.ik.chain import Array, Chain
+from sim.world.scene.scene import Scene
+
+from .contact_surface import ContactSurface
+from .servo_settings import ServoSettings
+
+PANDA_KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
+"""Gains of the servos of MuJoCo Menagerie's Panda [N m / rad]; damping a tenth of them [N m s / rad]."""
+OTHER_FREQUENCY_RAD_S = 60.0
+"""Servos of other arms are critically damped at this frequency, by the joints' inertia at home."""
+FASTEST_M_S = 2.0
+"""Away from the organ, contact is looked for again when the tip could have come to it at this speed."""
+
+
+@dataclass(frozen=True, eq=False)
+class ServoRun:
+    """What the simulated arm did, at every recorded time."""
+
+    states: Array
+    """Joint positions of the scene, shape (T, nq)."""
+    tips_m: Array
+    """Positions of the tip [m], shape (T, 3)."""
+    force_n: Array
+    """Contact force [N], shape (T,)."""
+    peak_force_n: float
+    """The largest of all steps, also between recorded times."""
+    is_stopped: bool
+    """Whether the force limit ended it; the arrays then end there."""
+
+
+class ServoArm:
+    """An arm with servos, simulated on its own copy of a scene; keeps its state from run to run."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        chain: Chain,
+        organ: ContactSurface,
+        settings: ServoSettings,
+        *,
+        is_panda: bool,
+    ) -> None:
+        """Prepare the copy: no actuators but the servos, whose damping is put into the joints, and no weight."""
+        model = self.model = copy.copy(scene.model)
+        self._organ, self._settings = organ, settings
+        self._tip = model.site(scene.tip_site).id
+        # Full gravity compensation of every body, as gravcomp="1" does, also for arms that do not ask for it.
+        model.opt.gravity[:] = 0.0
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        self._columns, self._dofs = chain.columns, model.jnt_dofadr[chain.joints]
+        self._kp, self._kv = _gains(scene, self._dofs, is_panda=is_panda)
+        model.dof_damping[self._dofs] += self._kv  # implicit in the integrator, so stiff servos stay stable
+        has_limit = model.jnt_actfrclimited[chain.joints].astype(bool)
+        self._torque = np.where(has_limit, model.jnt_actfrcrange[chain.joints, 1], np.inf)
+        self.data = scene.new_data()
+        self._jacobian = np.zeros((3, model.nv))
+        self._n_asleep = 0
+
+    @property
+    def dt_s(self) -> float:
+        """Time of one step."""
+        return float(self.model.opt.timestep)
+
+    def run(self, q: Array, speed: Array, *, record_every: int) -> ServoRun:
+        """Follow configurations of the chain, one per step; stops where the contact force passes its limit.
+
+        Args:
+            q: Where the servos are sent, shape (T, n).
+            speed: How fast, shape (T, n).
+            record_every: Every so many steps is recorded, and the last one.
+        """
+        states, tips_m, forces_n, peak_n, is_stopped = [], [], [], 0.0, False
+        for index in range(len(q)):
+            force_n = self._step(q[index], speed[index])
+            peak_n = max(peak_n, force_n)
+            is_stopped = force_n > self._settings.force_limit_n
+            if (index + 1) % record_every == 0 or index == len(q) - 1 or is_stopped:
+                mujoco.mj_fwdPosition(self.model, self.data)
+                states.append(self.data.qpos.copy())
+                tips_m.append(self.data.site_xpos[self._tip].copy())
+                forces_n.append(self.contact()[0])
+            if is_stopped:
+                break
+        return ServoRun(np.array(states), np.array(tips_m), np.array(forces_n), peak_n, is_stopped)
+
+    def contact(self) -> tuple[float, NDArray[np.float64]]:
+        """The force on the tip [N] and its direction, out of the organ, in the present state."""
+        distance_m, outward = self._organ.signed_distance_and_normal(self.data.site_xpos[self._tip])
+        depth_m = -distance_m
+        if depth_m <= 0.0:
+            return 0.0, outward
+        mujoco.mj_jacSite(self.model, self.data, self._jacobian, None, self._tip)
+        inward_m_s = -float(outward @ self._jacobian @ self.data.qvel)
+        settings = self._settings
+        return max(0.0, settings.stiffness_n_m * depth_m + settings.damping_n_s_m * inward_m_s), outward
+
+    def _force(self) -> tuple[float, Array]:
+        """The contact force and its direction; far from the organ it is not looked at in every step."""
+        if self._n_asleep > 0:
+            self._n_asleep -= 1
+            return 0.0, np.zeros(3)
+        clearance_m = self._organ.clearance_m(self.data.site_xpos[self._tip])
+        self._n_asleep = int(clearance_m / (FASTEST_M_S * self.dt_s))
+        return self.contact() if self._n_asleep == 0 else (0.0, np.zeros(3))
+
+    def _step(self, q: Array, speed: Array) -> float:
+        """One step of the dynamics; returns the contact force that acted in it [N]."""
+        model, data = self.model, self.data
+        mujoco.mj_step1(model, data)
+        force_n, outward = self._force()
+        now = data.qvel[self._dofs]
+        wanted = self._kp * (q - data.qpos[self._columns]) + self._kv * speed
+        torque = np.clip(wanted - self._kv * now, -self._torque, self._torque)
+        data.qfrc_applied[:] = 0.0
+        data.qfrc_applied[self._dofs] = (
+            torque + self._kv * now
+        )  # the joints' damping takes the last term off again
+        if force_n > 0.0:
+            data.qfrc_applied += (force_n * outward) @ self._jacobian
+        mujoco.mj_step2(model, data)
+        return force_n
+
+
+def _gains(scene: Scene, dofs: NDArray[np.int64], *, is_panda: bool) -> tuple[Array, Array]:
+    """Stiffness and damping of the servos."""
+    if is_panda:
+        kp = np.array(PANDA_KP)
+        return kp, 0.1 * kp
+    data = scene.new_data()
+    inertia, unit = np.zeros(scene.model.nv), np.zeros(scene.model.nv)
+    own = np.zeros(len(dofs))
+    for row, dof in enumerate(
+        dofs.tolist()
+    ):  # a joint's own inertia: what a unit acceleration of it alone takes
+        unit[:] = 0.0
+        unit[dof] = 1.0
+        mujoco.mj_mulM(scene.model, data, inertia, unit)
+        own[row] = inertia[dof]
+    return own * OTHER_FREQUENCY_RAD_S**2, 2.0 * own * OTHER_FREQUENCY_RAD_S

@@ -1,0 +1,1 @@
+"""The MuJoCo scene: the arms, the composed model, the clearance of arm and probe, room for the base, and pictures."""

@@ -1,0 +1,92 @@
+"""Clearances: how much room the arm has in many configurations at once, to the table, to itself and to the organ."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from .clearance import ARM_MARGIN_M, FAR_M, PROBE_MARGIN_M, Clearance, Collision
+from .scene import MOUNT, Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """Room of N configurations; nothing beyond `FAR_M` is told apart."""
+
+    contact_m: NDArray[np.float64]
+    """Least distance of arm and probe to the table and to each other [m], shape (N,)."""
+    contact_pair: NDArray[np.int64]
+    """The two geoms of that distance, -1 where nothing is within `FAR_M`, shape (N, 2)."""
+    organ_m: NDArray[np.float64]
+    """Least distance of the arm, without the probe, to the organ [m], shape (N,)."""
+    organ_geom: NDArray[np.int64]
+    """The geom of that distance, shape (N,)."""
+
+    @property
+    def is_free(self) -> NDArray[np.bool_]:
+        """Whether nothing touches that must not, the probe on the organ left out, shape (N,)."""
+        return (self.contact_m >= 0.0) & (self.organ_m >= ARM_MARGIN_M)
+
+    @property
+    def clearance_m(self) -> NDArray[np.float64]:
+        """The least of all distances [m], at most `FAR_M`, shape (N,)."""
+        return np.minimum(np.minimum(self.contact_m, self.organ_m), FAR_M)
+
+
+class ClearanceMeter:
+    """Measures the clearances of configurations of a scene's arm."""
+
+    def __init__(self, scene: Scene, clearance: Clearance) -> None:
+        """Prepare a copy of the scene in which MuJoCo reports pairs up to `FAR_M` apart."""
+        self._model = copy.copy(scene.model)
+        self._model.geom_margin[:] = FAR_M / 2.0  # the margins of the two geoms add up
+        self._data = mujoco.MjData(self._model)
+        self._clearance = clearance
+
+    def at_base(self, T_world_base: NDArray[np.float64]) -> ClearanceMeter:
+        """The same meter with the arm's base at another frame, shape (4, 4)."""
+        moved = copy.copy(self)
+        moved._model = copy.copy(self._model)
+        mount = moved._model.body(MOUNT)
+        mount.pos[:] = T_world_base[:3, 3]
+        mujoco.mju_mat2Quat(mount.quat, np.ascontiguousarray(T_world_base[:3, :3]).ravel())
+        moved._data = mujoco.MjData(moved._model)
+        return moved
+
+    def measure(self, q: NDArray[np.float64]) -> Clearances:
+        """The clearances at joint positions of the whole scene, shape (N, nq)."""
+        model, data, n = self._model, self._data, len(q)
+        contact_m, pair = np.full(n, np.inf), np.full((n, 2), -1, dtype=np.int64)
+        geoms_m = np.empty((n, model.ngeom, 3))
+        R_world_geoms = np.empty((n, model.ngeom, 9))
+        for i in range(n):
+            data.qpos[:] = q[i]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_collision(model, data)
+            geoms_m[i], R_world_geoms[i] = data.geom_xpos, data.geom_xmat
+            if data.ncon:
+                distances_m = data.contact.dist
+                closest = int(np.argmin(distances_m))
+                contact_m[i], pair[i] = distances_m[closest], data.contact.geom[closest]
+        organ_m, organ_geom = self._clearance.arm_distances(geoms_m, R_world_geoms.reshape(n, -1, 3, 3))
+        return Clearances(contact_m, pair, organ_m, organ_geom)
+
+    def collision(self, clearances: Clearances, index: int) -> Collision | None:
+        """What touches in one of the measured configurations, or None."""
+        if clearances.contact_m[index] < 0.0:
+            first, second = (self._clearance.name(int(geom)) for geom in clearances.contact_pair[index])
+            return Collision((first, second), float(clearances.contact_m[index]))
+        if clearances.organ_m[index] < ARM_MARGIN_M:
+            name = self._clearance.name(int(clearances.organ_geom[index]))
+            return Collision((name, "organ"), float(clearances.organ_m[index]))
+        return None
+
+    def probe_collision(self, distance_m: float, geom: int) -> Collision | None:
+        """What a distance of the probe to the organ means."""
+        if distance_m >= PROBE_MARGIN_M:
+            return None
+        return Collision((self._clearance.name(geom), "organ"), float(distance_m))

@@ -1,0 +1,1 @@
+"""Sensing: what turns a contact of the probe into a reading."""

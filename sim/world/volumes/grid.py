@@ -1,0 +1,107 @@
+"""What the header of a label volume claims, and whether it can be: sizes, types and axes, before a voxel is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.errors import VolumeError
+from sim.world.memory import spare_bytes
+
+BYTES_PER_VOXEL = 4
+"""Labels are kept once in parts and once together, where all of a volume is labelled."""
+
+MOST_DEFLATED = 1040
+"""No gzip stream unfolds to more bytes per byte than this; a file that claims more is cut short."""
+
+SPACING_RANGE_M = (0.02e-3, 30e-3)
+"""Distances between voxels that a scan of a liver may have [m]."""
+
+FLAT_DETERMINANT = 1e-3
+"""Least volume of a voxel as a share of the product of its edges; below, the axes lie in one plane."""
+
+
+@dataclass(kw_only=True)
+class Grid:
+    """What a header says, and how to read the voxels."""
+
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    T_lps_voxel: NDArray[np.float64]
+    layers: Callable[[int], Iterator[NDArray[Any]]]
+    """Reads the voxels from the first to the last, in parts of so many layers across the last axis, shape (I, J, n)."""
+    is_streamed: bool = False
+    """Whether no part that was read is kept."""
+    slope: float = 1.0
+    intercept: float = 0.0
+    notices: list[str] = field(default_factory=list)
+    label_names: dict[int, str] = field(default_factory=dict)
+    is_compressed: bool = False
+
+
+def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
+    """The three sizes of the grid.
+
+    Raises:
+        VolumeError: It has no three axes, no voxels, numbers that are no labels, or too many voxels.
+    """
+    shape = tuple(n for axis, n in enumerate(grid.shape) if axis < 3 or n != 1)
+    if len(shape) != 3:
+        raise VolumeError(
+            f"{path}: has {len(grid.shape)} axes, of {' x '.join(map(str, grid.shape))}; a label volume has "
+            "three. Save one of its volumes, with one label per voxel"
+        )
+    if min(shape) < 2:
+        raise VolumeError(f"{path}: {' x '.join(map(str, shape))} voxels are no volume; save the whole scan")
+    if grid.dtype.kind not in "iuf":
+        raise VolumeError(
+            f"{path}: its voxels are of type {grid.dtype}; save whole numbers, one label per voxel"
+        )
+    n_voxels = shape[0] * shape[1] * shape[2]
+    per_voxel = BYTES_PER_VOXEL + (0 if grid.is_streamed else grid.dtype.itemsize)
+    n_bytes, memory = n_voxels * per_voxel, spare_bytes()
+    if n_bytes > memory:
+        raise VolumeError(
+            f"{path}: {' x '.join(map(str, shape))} voxels may take {n_bytes / 2**30:.3g} GiB, more than the "
+            f"{memory / 2**30:.2g} GiB that this machine can spare; crop it to the organ or resample it"
+        )
+    size = path.stat().st_size * (MOST_DEFLATED if grid.is_compressed else 1)
+    if path.suffix.lower() != ".nhdr" and n_voxels * grid.dtype.itemsize > size:
+        raise VolumeError(
+            f"{path}: the file is cut short: its {path.stat().st_size:,} bytes cannot hold "
+            f"{' x '.join(map(str, shape))} voxels; copy or download it again"
+        )
+    return shape[0], shape[1], shape[2]
+
+
+def check_affine(path: Path, grid: Grid, spacing_m: tuple[float, float, float] | None) -> NDArray[np.float64]:
+    """The map of voxels to the patient, with the spacing asked for.
+
+    Raises:
+        VolumeError: It is not finite, flat, or of an impossible spacing.
+    """
+    T = grid.T_lps_voxel.copy()
+    lengths = np.linalg.norm(T[:3, :3], axis=0)
+    is_usable = np.isfinite(T).all() and (lengths > 0.0).all()
+    if spacing_m is not None:
+        T = T if is_usable else np.eye(4)
+        T[:3, :3] *= np.asarray(spacing_m) / (lengths if is_usable else 1.0)
+        is_usable, lengths = True, np.asarray(spacing_m, dtype=np.float64)
+    low, high = SPACING_RANGE_M
+    if not is_usable or not ((lengths >= low) & (lengths <= high)).all():
+        raise VolumeError(
+            f"{path}: the voxels are {' x '.join(f'{length * 1e3:.3g}' for length in lengths)} mm by the header, "
+            f"outside {low * 1e3:g}..{high * 1e3:g} mm; pass the scan's own as --spacing-mm X Y Z"
+        )
+    if abs(np.linalg.det(T[:3, :3])) < FLAT_DETERMINANT * lengths.prod():
+        raise VolumeError(f"{path}: the header's axes lie in one plane; export the volume again")
+    if np.abs(T[:3, 3]).max() > 100.0:
+        raise VolumeError(
+            f"{path}: the header puts the volume {np.abs(T[:3, 3]).max():.3g} m away; export it again"
+        )
+    return T

@@ -1,0 +1,261 @@
+"""Organ, tumours and structures from a label volume: pieces told apart, debris dropped, surfaces drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import find_objects, generate_binary_structure, label
+
+from sim.world.anatomy.structures import Structure
+from sim.world.errors import MeshError, VolumeError
+from sim.world.solids.solid import Solid
+
+from .label_coding import Coding, describe_labels
+from .label_surface import ORGAN_SURFACE, STRUCTURE_SURFACE, SurfaceSettings, surface_of, tumour_surface
+from .volume import Volume, shifted
+
+LEAST_ORGAN_SHARE = 0.5
+"""Share of an organ's voxels that its largest piece must hold: scattered ones are no outline."""
+
+LEAST_ISLAND_SHARE = 0.05
+"""Further pieces of an organ are kept from this share of it on; smaller ones are debris."""
+
+LEAST_TUMOUR_DIAMETER_M = 3e-3
+"""Smaller pieces of a tumour label are taken for noise of the outline [m]."""
+
+MOST_TUMOURS = 50
+"""Tumours kept, the largest first."""
+
+LEAST_STRUCTURE_M3 = 0.05e-6
+"""Smaller structures are left out [m^3]."""
+
+NEAR_ORGAN_M = 0.03
+"""Structures are kept as far as this beyond the organ's bounding box [m]: the aorta goes on to the legs."""
+
+WRONG_SPACING_M = 1e-3
+"""A spacing of exactly this along every axis is what a lost header says [m]."""
+
+
+@dataclass(kw_only=True)
+class LabelledAnatomy:
+    """What a volume holds, in patient axes [m].
+
+    Attributes:
+        organ: The organ, tumours and targets included.
+        tumours: Its tumours, the largest first.
+        targets: The bodies of the second class in it, the largest first.
+        structures: Vessels and the like.
+        notices: One sentence for each thing left out or assumed.
+    """
+
+    organ: Solid
+    tumours: tuple[Solid, ...] = ()
+    targets: tuple[Solid, ...] = ()
+    structures: tuple[Structure, ...] = ()
+    notices: list[str] = field(default_factory=list)
+
+
+def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
+    """The anatomy that a label volume holds.
+
+    Args:
+        volume: The labels.
+        coding: What they mean.
+        path: The file, for messages.
+
+    Raises:
+        VolumeError: The organ is scattered, or no surface can be drawn about it.
+    """
+    notices: list[str] = []
+    wanted = np.zeros(max(volume.counts) + 1, dtype=bool)
+    parts = (*coding.organ, *coding.tumours, *coding.targets)
+    wanted[[each for each in parts if each < len(wanted)]] = True
+    box = _box_of(wanted, volume.labels)
+    labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
+    mask = _largest_pieces(wanted[labels], volume, path, notices)
+    if _touches_end(mask, box, volume):
+        notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
+    organ = _surface(filled(mask), T, ORGAN_SURFACE, path, "the organ")
+    tumours = _tumours(labels, T, mask, coding.tumours, "tumour", path, notices)
+    targets = _tumours(labels, T, mask, coding.targets, "target", path, notices)
+    structures = _structures(volume, coding, organ, path, notices)
+    return LabelledAnatomy(
+        organ=organ, tumours=tumours, targets=targets, structures=structures, notices=notices
+    )
+
+
+def tumour_pieces(
+    labels: NDArray[np.uint16], tumour_labels: tuple[int, ...]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Number of the connected piece of one tumour label that each voxel belongs to, and the size of each.
+
+    Voxels that touch by a corner are connected.
+
+    Returns:
+        Piece of each voxel, 0 for none, and numbers of voxels, that of piece 1 at index 1.
+    """
+    pieces, n = np.zeros(labels.shape, dtype=np.int32), 0
+    for each in tumour_labels:
+        found = np.empty(labels.shape, dtype=np.int32)
+        n_found = count_pieces(labels == each, found, is_by_corner=True)
+        pieces[found > 0] = found[found > 0] + n
+        n += n_found
+    return pieces, np.bincount(pieces.ravel(), minlength=n + 1)
+
+
+def count_pieces(mask: NDArray[np.bool_], pieces: NDArray[np.int32], *, is_by_corner: bool = False) -> int:
+    """Number of connected pieces of a mask; writes each voxel's piece, 0 for none, to `pieces`."""
+    label(mask, structure=generate_binary_structure(3, 3 if is_by_corner else 1), output=pieces)
+    return int(pieces.max(initial=0))
+
+
+def box_of(mask: NDArray[np.bool_]) -> tuple[slice, ...]:
+    """The part of a grid that holds all of a mask, which holds at least one voxel."""
+    ends = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    return tuple(slice(int(end[0]), int(end[-1]) + 1) for end in ends)
+
+
+def filled(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The mask with its cavities: all that is not connected with the outside."""
+    outside = np.empty(np.array(mask.shape) + 2, dtype=np.int32)
+    count_pieces(~np.pad(mask, 1), outside)
+    return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
+
+
+def _box_of(wanted: NDArray[np.bool_], labels: NDArray[np.uint16]) -> tuple[slice, slice, slice]:
+    """The part of a volume that holds all voxels of the wanted labels."""
+    i, j, k = box_of(wanted[labels])
+    return i, j, k
+
+
+def _largest_pieces(
+    mask: NDArray[np.bool_], volume: Volume, path: object, notices: list[str]
+) -> NDArray[np.bool_]:
+    """The mask without islands.
+
+    Raises:
+        VolumeError: No piece holds half of it.
+    """
+    pieces = np.empty(mask.shape, dtype=np.int32)
+    n = count_pieces(mask, pieces)
+    if n <= 1:
+        return mask
+    sizes = np.bincount(pieces.ravel())
+    sizes[0] = 0
+    n_voxels = int(sizes.sum())
+    if sizes.max() < LEAST_ORGAN_SHARE * n_voxels:
+        raise VolumeError(
+            f"{path}: the organ's label is scattered over {n:,} pieces, of which the largest holds "
+            f"{sizes.max() / n_voxels:.0%}; it holds {describe_labels(volume)}. Pass the right --organ-label, or "
+            "clean the outline"
+        )
+    keeps = sizes >= LEAST_ISLAND_SHARE * n_voxels
+    n_dropped, dropped = n - int(keeps.sum()), int(sizes[~keeps].sum())
+    if n_dropped:
+        islands = f"{n_dropped:,} islands were" if n_dropped > 1 else "an island was"
+        notices.append(
+            f"{islands} dropped beside the organ, {dropped * volume.voxel_volume_m3 * 1e6:.2g} ml in all"
+        )
+    if keeps.sum() > 1:
+        notices.append(f"the organ is of {int(keeps.sum())} separate pieces, all of which are kept")
+    return keeps[pieces]
+
+
+def _touches_end(mask: NDArray[np.bool_], box: tuple[slice, ...], volume: Volume) -> bool:
+    """Whether the mask reaches a face of the scan."""
+    ends = []
+    for axis, size in enumerate(volume.scan_shape):
+        along, offset = np.moveaxis(mask, axis, 0), volume.box[axis].start
+        ends += [offset + box[axis].start == 0 and along[0].any()]
+        ends += [offset + box[axis].stop == size and along[-1].any()]
+    return any(ends)
+
+
+def _tumours(
+    labels: NDArray[np.uint16],
+    T: NDArray[np.float64],
+    organ: NDArray[np.bool_],
+    wanted: tuple[int, ...],
+    noun: str,
+    path: object,
+    notices: list[str],
+) -> tuple[Solid, ...]:
+    """A surface for each connected piece of the tumours' labels, or the targets', in the organ."""
+    if not wanted:
+        return ()
+    is_wanted = np.isin(labels, wanted)
+    if not is_wanted.any():
+        return ()
+    part = box_of(is_wanted)
+    labels, T, organ = labels[part], shifted(T, part), organ[part]
+    pieces, sizes = tumour_pieces(labels, wanted)
+    voxel_m3 = abs(float(np.linalg.det(T[:3, :3])))
+    inside = np.bincount(pieces[organ].ravel(), minlength=len(sizes))
+    sizes[0] = inside[0] = 0
+    diameters_m = np.cbrt(6.0 * sizes * voxel_m3 / np.pi)
+    is_there, is_inside = sizes > 0, inside > 0
+    _count(notices, is_there & ~is_inside, "outside the organ {} dropped", noun)
+    is_large = diameters_m >= LEAST_TUMOUR_DIAMETER_M
+    small = f"under {LEAST_TUMOUR_DIAMETER_M * 1e3:g} mm across {{}} taken for noise and dropped"
+    _count(notices, is_there & is_inside & ~is_large, small, noun)
+    kept = np.flatnonzero(is_there & is_inside & is_large)
+    kept = kept[np.argsort(-sizes[kept], kind="stable")]
+    if len(kept) > MOST_TUMOURS:
+        notices.append(f"of {len(kept)} {noun}s the {MOST_TUMOURS} largest are kept")
+    boxes = find_objects(pieces)
+    solids = []
+    for piece in kept[:MOST_TUMOURS]:
+        box = boxes[piece - 1]
+        settings = tumour_surface(float(diameters_m[piece]))
+        solids.append(_surface(pieces[box] == piece, shifted(T, box), settings, path, f"a {noun}"))
+    return tuple(solids)
+
+
+def _count(notices: list[str], which: NDArray[np.bool_], text: str, noun: str) -> None:
+    n = int(which.sum())
+    if n:
+        verb = "was" if n == 1 else "were"
+        notices.append(f"{n:,} {noun} piece{'' if n == 1 else 's'} {text.format(verb)}")
+
+
+def _structures(
+    volume: Volume, coding: Coding, organ: Solid, path: object, notices: list[str]
+) -> tuple[Structure, ...]:
+    """A surface for each structure's label, as far as it lies about the organ."""
+    found = []
+    box = _box_about(volume, organ)
+    labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
+    for name, each in {**coding.structures, **coding.keepouts}.items():
+        mask = labels == each
+        if mask.sum() * volume.voxel_volume_m3 < LEAST_STRUCTURE_M3:
+            if each in volume.counts:
+                notices.append(f"{name} has next to no volume near the organ and is left out")
+            continue
+        piece = box_of(mask)
+        solid = _surface(mask[piece], shifted(T, piece), STRUCTURE_SURFACE, path, name)
+        found.append(Structure(name=name, solid=solid, is_keepout=name in coding.keepouts))
+    return tuple(found)
+
+
+def _box_about(volume: Volume, organ: Solid) -> tuple[slice, slice, slice]:
+    """The part of a volume that lies about an organ."""
+    low_m, high_m = organ.bounds_m
+    corners = np.stack(np.meshgrid(*zip(low_m, high_m, strict=True)), axis=-1).reshape(-1, 3)
+    to_voxel = np.linalg.inv(volume.T_lps_voxel)
+    indices = corners @ to_voxel[:3, :3].T + to_voxel[:3, 3]
+    margin = NEAR_ORGAN_M / volume.spacing_m
+    first = np.clip(np.floor(indices.min(axis=0) - margin).astype(int), 0, None)
+    last = np.minimum(np.ceil(indices.max(axis=0) + margin).astype(int) + 1, volume.labels.shape)
+    i, j, k = (slice(int(a), int(b)) for a, b in zip(first, last, strict=True))
+    return i, j, k
+
+
+def _surface(
+    mask: NDArray[np.bool_], T: NDArray[np.float64], settings: SurfaceSettings, path: object, what: str
+) -> Solid:
+    try:
+        return surface_of(mask, T, settings)
+    except MeshError as error:
+        raise VolumeError(f"{path}: {what}: {error}; clean the outline and load it again") from error

@@ -1,0 +1,40 @@
+"""The page about organs: its commands are understood, and every flag for a patient's files has one."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from sim.cli.command_line import _parse
+from sim.running.options import PATIENT_OPTIONS, EpisodeOptions
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "organs.md").read_text(encoding="utf-8")
+
+
+def commands() -> list[list[str]]:
+    blocks = re.findall(r"```sh\n(.*?)```", PAGE, flags=re.DOTALL)
+    words = [shlex.split(line, comments=True) for block in blocks for line in block.splitlines()]
+    return [line[1:] for line in words if line and Path(line[0]).name == "sounding"]
+
+
+@pytest.mark.parametrize("arguments", commands(), ids=" ".join)
+def test_every_command_is_understood(arguments: list[str]) -> None:
+    options = _parse(arguments)
+    if isinstance(options, EpisodeOptions):
+        options.make_scenario()
+
+
+@pytest.mark.parametrize(
+    "name", [*PATIENT_OPTIONS, "organ_pose", "coding", "mesh_frame", "keepout_mm", "n_tumours"]
+)
+def test_every_flag_is_on_the_page(name: str) -> None:
+    assert f"--{name.replace('_', '-')}" in PAGE
+
+
+@pytest.mark.parametrize("target", re.findall(r"\]\((figures/[^)]*)\)", PAGE))
+def test_every_picture_is_there(target: str) -> None:
+    assert (ROOT / "docs" / target).is_file()

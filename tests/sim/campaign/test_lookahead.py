@@ -1,0 +1,54 @@
+"""The rehearsal: it saves time and changes nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner import make_planner
+from sim.campaign.lookahead import N_AHEAD, Lookahead
+from sim.episode.episode import Episode
+
+
+@pytest.mark.parametrize("name", ["random", "multi-resolution"])
+def test_an_episode_is_the_same_with_and_without(sphere_arm_setup, name) -> None:
+    def steps(planner) -> list:
+        episode = Episode(sphere_arm_setup, planner, seed=7, has_map=False, casts_rays=False)
+        return [(step.pose_index, step.sensed_fraction, step.ik.q.tolist()) for step in episode.steps(12)]
+
+    assert steps(Lookahead(make_planner(name), sphere_arm_setup.positioner)) == steps(make_planner(name))
+
+
+def test_the_poses_to_come_are_solved_together(sphere_arm_setup, monkeypatch) -> None:
+    asked: list[int] = []
+    prepare = sphere_arm_setup.positioner.prepare
+    monkeypatch.setattr(
+        sphere_arm_setup.positioner, "prepare", lambda poses: (asked.append(len(poses)), prepare(poses))
+    )
+    planner = Lookahead(make_planner("random"), sphere_arm_setup.positioner)
+    episode = Episode(sphere_arm_setup, planner, seed=11, has_map=False, casts_rays=False)
+    assert len(list(episode.steps(N_AHEAD))) == N_AHEAD
+    assert asked == [N_AHEAD]
+
+
+def test_poses_solved_together_are_answered_as_one_by_one(sphere_arm_setup) -> None:
+    workspace = sphere_arm_setup.workspace
+    kinematics = sphere_arm_setup.positioner._kinematics
+    poses = np.random.default_rng(3).permutation(workspace.n_poses)[:12]
+    together = kinematics.solve_many(workspace.positions_m[poses], workspace.normals[poses])
+    for pose, answer in zip(poses, together, strict=True):
+        alone = kinematics.solve(workspace.positions_m[pose], workspace.normals[pose])
+        assert answer.status == alone.status
+        assert np.array_equal(answer.q, alone.q)
+        assert np.array_equal(answer.q_standoff, alone.q_standoff)
+    assert kinematics.solve_many(np.empty((0, 3)), np.empty((0, 3))) == []
+
+
+def test_an_episode_without_rays_senses_the_same_share(sphere_setup) -> None:
+    shares = [
+        [s.sensed_fraction for s in Episode(sphere_setup, make_planner("random"), seed=2, **how).steps(20)]
+        for how in ({"has_map": False}, {"has_map": False, "casts_rays": False})
+    ]
+    assert shares[0] == shares[1]
+    with pytest.raises(ValueError, match="casts_rays"):
+        Episode(sphere_setup, make_planner("random"), seed=2, casts_rays=False)

@@ -1,0 +1,163 @@
+"""The report in a real browser: no error, no request, and a slider that moves the view and the curves."""
+
+from __future__ import annotations
+
+import pytest
+from opened_page import Opened
+from two_classes import write_meshes
+
+from sim.cli.command_line import main
+
+ACTIONS = 5
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    out = tmp_path_factory.mktemp("browser") / "run"
+    arguments = [
+        "--scenario",
+        "sphere",
+        "--steps",
+        str(ACTIONS),
+        "--arm",
+        "none",
+        "--seed",
+        "1",
+        "--frames",
+        "each",
+    ]
+    assert main(["episode", *arguments, "--out", str(out)]) == 0
+    return out / "report.html"
+
+
+@pytest.fixture
+def opened(browser, report):
+    page = Opened(browser, report, viewport={"width": 1280, "height": 900})
+    page.ready()
+    yield page
+    page.context.close()
+
+
+def test_it_loads_without_an_error_or_a_request(opened, report) -> None:
+    opened.page.wait_for_timeout(200)
+    assert opened.complaints == []
+    assert [url for url in opened.requests if not url.startswith("data:")] == [report.as_uri()]
+    assert opened.page.evaluate("window.soundingReport.error") is None
+    assert opened.state["step"] == ACTIONS
+
+
+def picture(page) -> bytes:
+    page.wait_for_timeout(150)
+    return page.locator("#view").screenshot()
+
+
+def test_the_slider_moves_the_view_and_the_curves(opened) -> None:
+    page = opened.page
+    cursor = page.locator("svg[data-chart=auprc] .cursor")
+    seen, places, pictures = [], [], []
+    for step in (0, 1, 3, ACTIONS):
+        page.locator("#slider").fill(str(step))
+        seen.append(opened.state["tip"])
+        places.append(cursor.get_attribute("x1"))
+        pictures.append(picture(page))
+        assert page.locator("#number").inner_text() == f"{step} of {ACTIONS}"
+    assert seen[0] is None
+    assert len({tuple(tip) for tip in seen[1:]}) == 3
+    assert len(set(places[1:])) == 3
+    assert len(set(pictures)) == 4
+
+
+def test_the_frame_follows_the_slider_and_is_decoded_when_it_is_shown(opened) -> None:
+    page, addresses = opened.page, []
+    for step in (ACTIONS, 1, 3, ACTIONS):
+        page.locator("#slider").fill(str(step))
+        addresses.append(page.locator("#frame").get_attribute("src"))
+        assert page.locator("#frame").get_attribute("data-step") == str(step)
+        page.wait_for_function("document.getElementById('frame').naturalWidth > 0")
+    assert len(set(addresses[:3])) == 3
+    assert addresses[3] == addresses[0]
+    assert page.evaluate("document.images.length") == 1
+
+
+def test_the_keys_move_it_and_the_space_bar_plays(opened) -> None:
+    page = opened.page
+    page.locator("body").press("ArrowLeft")
+    assert opened.state["step"] == ACTIONS - 1
+    page.locator("#slider").focus()
+    page.locator("#slider").press("Home")
+    assert opened.state["step"] == 0
+    page.locator("#slider").press("ArrowRight")
+    assert opened.state["step"] == 1
+    page.locator("#slider").press(" ")
+    page.wait_for_function(f"window.soundingReport.state.step === {ACTIONS}", timeout=20_000)
+
+
+def test_a_click_on_a_curve_goes_to_its_action(opened) -> None:
+    box = opened.page.locator("svg[data-chart=sensed]").bounding_box()
+    opened.page.mouse.click(box["x"] + box["width"] * 0.12, box["y"] + box["height"] / 2)
+    assert opened.state["step"] == 1
+
+
+def test_the_map_grows_where_the_level_falls_and_layers_hide(opened) -> None:
+    page = opened.page
+    before = opened.state["mapTriangles"]
+    page.locator("input[name=level]").fill("0.05")
+    assert opened.state["mapTriangles"] > before
+    shown = picture(page)
+    page.locator("input[name=organ]").uncheck()
+    assert picture(page) != shown
+
+
+@pytest.mark.parametrize("width", [1280, 800])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_every_width_and_scheme(browser, report, width, scheme) -> None:
+    opened = Opened(browser, report, viewport={"width": width, "height": 900}, color_scheme=scheme)
+    page = opened.ready()
+    assert page.evaluate("document.documentElement.scrollWidth") <= width  # nothing to scroll sideways
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    red = int(background.split("(")[1].split(",")[0])
+    assert (red > 200) == (scheme == "light")
+    assert opened.complaints == []
+    opened.context.close()
+
+
+def test_tables_and_curves_need_no_script(browser, report) -> None:
+    opened = Opened(browser, report, java_script_enabled=False)
+    page = opened.page
+    assert page.locator("table.findings tbody tr").count() == 1
+    assert page.locator("svg[data-chart=auprc] polyline").is_visible()
+    assert page.locator("noscript p, .without").first.is_visible()
+    opened.context.close()
+
+
+def test_without_webgl_all_else_works(browser, report) -> None:
+    context = browser.new_context()
+    page = context.new_page()
+    page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page.goto(report.as_uri())
+    page.wait_for_function("window.soundingReport", timeout=60_000)
+    assert "needs WebGL" in page.locator("#view").inner_text()
+    page.locator("#slider").fill("2")
+    assert page.locator("#number").inner_text() == f"2 of {ACTIONS}"
+    context.close()
+
+
+def test_a_second_class_has_a_map_and_layers_of_its_own(browser, tmp_path) -> None:
+    out = tmp_path / "run"
+    arguments = ["--steps", "3", "--arm", "none", "--seed", "2", "--plan-for", "target", "--out", str(out)]
+    assert main(["episode", "--scenario", str(write_meshes(tmp_path)), *arguments]) == 0
+    opened = Opened(browser, out / "report.html", viewport={"width": 800, "height": 900})
+    page = opened.ready()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 800
+    page.locator("input[name=level]").fill("0.05")
+    assert opened.state["targetTriangles"] > 0
+    page.locator("input[name=arm]").uncheck()  # the probe may stand between the camera and all else
+    for layer in ("target-map", "target-truth"):  # and the map around all of the truth
+        before = picture(page)
+        page.locator(f"input[name={layer}]").uncheck()
+        assert picture(page) != before, layer
+    page.locator("#slider").fill("0")
+    assert opened.state["targetTriangles"] == 0
+    assert page.locator("svg[data-chart=target] polyline").is_visible()
+    assert opened.complaints == []
+    opened.context.close()

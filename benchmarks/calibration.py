@@ -36,7 +36,7 @@ from mapping import (
 )
 from planner import make_planner
 from sim.episode.episode import Episode
-from sim.episode.scenario import load_scenario
+from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup, build_setup
 from sim.world.sensing.probe import Reading
 
@@ -69,7 +69,7 @@ def collect(planner: str, seeds: range, n_readings: int, settings: list[Choice])
     for seed in seeds:
         chooser = make_planner(planner)
         episode = Episode(
-            setup, chooser, seed=seed, map_settings=MapSettings.paper(), has_map=chooser.needs_belief
+            setup, chooser, seed=seed, map_settings=MapSettings.paper(), tumour_map=make_hilbert_map if chooser.needs_belief else None
         )
         readings = [step.reading for step in episode.steps(n_readings)]
         truths.append(episode.truth.is_tumour)

@@ -25,7 +25,7 @@ from sim.episode.truth import make_truth
 from sim.pictures.figures import save
 from sim.running.options import EpisodeOptions
 from sim.viewing.inspection_figure import draw_view
-from sim.world.anatomy.case_files import LoadedAnatomy
+from sim.world.anatomy.loading import LoadedAnatomy
 from sim.world.meshes.topology import is_closed
 from sim.world.solids.solid import Solid
 

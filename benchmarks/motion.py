@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from mapping import MapSettings
 from sim.episode.arm_motion import make_motion_model
-from sim.episode.scenario import load_scenario
+from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import build_setup
 from sim.world.motion.path_check import PathCheck
 from sim.world.scene.arm import ArmModel

@@ -1,5 +1,27 @@
 """Errors of the programs that people run."""
 
+from __future__ import annotations
+
+from typing import Any
+
 
 class UsageError(Exception):
-    """Something asked for that cannot be done as asked; the text names the value and the remedy."""
+    """Something that was wanted cannot be done; the text names the value and the remedy.
+
+    Where the text speaks of a field that the user can set, the field's name stands in backticks. The command line
+    writes it as its flag.
+    """
+
+
+class FieldError(UsageError):
+    """The value of a field cannot be used."""
+
+    def __init__(self, field: str, value: Any, problem: str) -> None:
+        """Keep the field and the value beside the sentence that says what is wrong and what would be right."""
+        super().__init__(f"{field}={value_text(value)}: {problem}")
+        self.field, self.value, self.problem = field, value, problem
+
+
+def value_text(value: Any) -> str:
+    """A value as people type it: the items of a tuple one after the other, no quotes."""
+    return " ".join(map(str, value)) if isinstance(value, tuple | list) else str(value)

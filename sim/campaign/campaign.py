@@ -7,13 +7,13 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from sim.campaign.engines.engine import Engine, Outcome, make_engine
-from sim.cli.trials_options import TrialsOptions
+from sim.campaign.engines.engine import Engine, Outcome
+from sim.campaign.engines.factory import EngineName, make_engine
 from sim.errors import UsageError
 from sim.interrupt import NotedInterrupt
 
 from .campaign_folder import CampaignFolder
-from .study import Trial
+from .study import Study, Trial
 
 NOTICE = (
     "stopping: finished trials are kept, those under way are dropped and run by the next call; "
@@ -23,7 +23,7 @@ NOTICE = (
 
 @dataclass(frozen=True)
 class CampaignSummary:
-    """What a call came to."""
+    """What a call did, and what its folder holds."""
 
     folder: Path
     n_trials: int
@@ -38,22 +38,44 @@ class CampaignSummary:
     is_interrupted: bool
 
 
-def run_trials(options: TrialsOptions) -> CampaignSummary:
+def run_trials(
+    study: Study,
+    out: Path | str,
+    *,
+    jobs: int = 2,
+    engine: EngineName = "local",
+    address: str | None = None,
+    folders: bool = False,
+    retry_failed: bool = False,
+    overwrite: bool = False,
+    any_version: bool = False,
+) -> CampaignSummary:
     """Run the trials of a study that its folder does not hold yet, and write its tables.
 
+    Args:
+        study: From `make_study` or `load_study`.
+        out: The campaign's folder.
+        jobs: Processes. The rows do not depend on it.
+        engine: `local` (processes of this machine), `dask` or `ray`.
+        address: Of the Dask or Ray cluster; None starts one on this machine.
+        folders: Write each trial's episode folder too, under `trials/`; this takes twice the time.
+        retry_failed: Run trials again that failed or whose worker died.
+        overwrite: Replace a campaign that the folder already holds.
+        any_version: Go on with a campaign that another version of the code began.
+
     Raises:
-        UsageError: Something asked for cannot be done; what the folder held is kept.
+        UsageError: Something cannot be done; what the folder held is kept.
         OSError: The disk is full, for example; what was done is kept.
     """
-    study = options.make_study()
-    with CampaignFolder(options.out_folder(study), overwrite=options.overwrite) as folder:
-        folder.begin(study, any_version=options.any_version)
+    with CampaignFolder(Path(out), overwrite=overwrite) as folder:
+        folder.begin(study, any_version=any_version)
         with NotedInterrupt(NOTICE) as interrupt:
-            open_trials = [trial for trial in study.trials() if _is_open(folder, trial, options)]
+            open_trials = [trial for trial in study.trials() if _is_open(folder, trial, retry_failed)]
             n_run = 0
             if open_trials:
-                with make_engine(options.engine, n_jobs=options.jobs, address=options.address) as engine:
-                    n_run = _run(engine, folder, _with_folders(open_trials, options, folder), interrupt)
+                trials = _with_folders(open_trials, folder) if folders else open_trials
+                with make_engine(engine, n_jobs=jobs, address=address) as running:
+                    n_run = _run(running, folder, trials, interrupt)
             is_interrupted = interrupt.is_set and n_run < len(open_trials)
         folder.write_tables(study)
         return CampaignSummary(
@@ -67,14 +89,12 @@ def run_trials(options: TrialsOptions) -> CampaignSummary:
         )
 
 
-def _is_open(folder: CampaignFolder, trial: Trial, options: TrialsOptions) -> bool:
+def _is_open(folder: CampaignFolder, trial: Trial, retry_failed: bool) -> bool:
     key = trial.key
-    return key not in folder.journal or (options.retry_failed and folder.journal.is_failed(key))
+    return key not in folder.journal or (retry_failed and folder.journal.is_failed(key))
 
 
-def _with_folders(trials: list[Trial], options: TrialsOptions, folder: CampaignFolder) -> list[Trial]:
-    if not options.folders:
-        return trials
+def _with_folders(trials: list[Trial], folder: CampaignFolder) -> list[Trial]:
     return [replace(trial, folder=folder.path.absolute() / "trials" / trial.name) for trial in trials]
 
 
@@ -118,11 +138,11 @@ def _postfix(actions_per_s: float, n_failed: int) -> str:
 
 
 def campaign_text(summary: CampaignSummary) -> str:
-    """What a call came to, as text for a terminal."""
+    """A summary as text for a terminal."""
     lines = [f"{summary.n_done} of {summary.n_trials} trials done, {summary.n_run} of them by this call"]
     if summary.n_failed:
         lines.append(
-            f"{summary.n_failed} failed: their rows in trials.csv say why; --retry-failed runs them again"
+            f"{summary.n_failed} failed: their rows in trials.csv say why; `retry_failed` runs them again"
         )
     if summary.n_damaged:
         lines.append(f"{summary.n_damaged} lines of the journal were not whole; their trials were run again")

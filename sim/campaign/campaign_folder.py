@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 from collections.abc import Mapping
@@ -10,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from mapping.storage import replacing
-from sim.episode.scenario import load_scenario
+from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.errors import UsageError
 from sim.record.locked_folder import LockedFolder
 from sim.record.run_folder import describe_machine
+from sim.running.parts import scenario_of
 
 from .journal import Journal
 from .study import Study
@@ -65,7 +65,7 @@ class CampaignFolder(LockedFolder):
             self.journal.close()
             raise UsageError(
                 f"{self.path}: holds another study; this one has no trial {min(strangers)}. "
-                "Choose another --out, or add --overwrite to replace it."
+                "Choose another `out`, or add `overwrite` to replace it."
             )
         with replacing(self.path / STUDY) as file:
             file.write((json.dumps(present, indent=2) + "\n").encode())
@@ -76,14 +76,14 @@ class CampaignFolder(LockedFolder):
         for name, content in present["inputs"].items():
             if before["inputs"].get(name, content) != content:
                 raise UsageError(
-                    f"{self.path}: was begun with another {name}. Choose another --out, or add --overwrite."
+                    f"{self.path}: was begun with another {name}. Choose another `out`, or add `overwrite`."
                 )
         for name in () if any_version else CODE:
             old, new = before["machine"][name], present["machine"][name]
             if old != new:
                 raise UsageError(
                     f"{self.path}: was begun with another version ({name} {old}, now {new}). Choose another "
-                    "--out, add --overwrite to begin anew, or --any-version to go on nevertheless."
+                    "`out`, add `overwrite` to begin anew, or `any_version` to go on nevertheless."
                 )
 
     def write_tables(self, study: Study) -> None:
@@ -118,18 +118,12 @@ def _inputs(study: Study) -> dict[str, Any]:
     """What the study's scenarios and files hold: they decide about rows as much as the options do."""
     inputs: dict[str, Any] = {}
     for trial, _ in study.first_trials():
-        options = trial.options
-        scenario = options.make_scenario()
-        inputs[f"scenario {options.scenario}"] = json.loads(
-            json.dumps(dataclasses.asdict(load_scenario(options.scenario)))
+        config = trial.config
+        inputs[f"scenario {config.scenario}"] = json.loads(
+            json.dumps(scenario_record(load_scenario(config.scenario)))
         )
-        patient = (
-            *scenario.tumour_files,
-            *scenario.target_files,
-            *scenario.structure_files,
-            *scenario.keepout_files,
-        )
-        for file in (options.arm, scenario.organ, *patient):
+        files = scenario_of(config).case_files
+        for file in (config.arm, *(() if files is None else files.paths)):
             if Path(file).is_file():
                 inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
     return inputs

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tqdm import tqdm
 
 from sim.campaign.engines.local import LocalEngine
-from sim.cli.trials_options import TrialsOptions
-from sim.comparison.tables import table
+from sim.episode.measures import ACTION_SECONDS
+from sim.tables import markdown_table
 
 from .journal import encoded
 from .study import Study, Trial
+from .trial_result import TrialResult
 
 N_PROBED = 3
 """Actions of the first trial of each combination that are run to see how long they take."""
 MAX_COMBINATIONS = 12
 """Combinations that are tried; the others are taken to be like the mean of these."""
-ACTION_PARTS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
 
 
 @dataclass(frozen=True)
@@ -50,36 +50,36 @@ def forecast_study(study: Study, *, n_jobs: int) -> list[Forecast]:
             if outcome is not None:
                 trial = probes[outcome.trial]
                 size = len(encoded(outcome.result.entry(outcome.trial)))
-                forecasts[trial] = _forecast(trial, counts[trial], outcome.result.timings, size)
+                forecasts[trial] = _forecast(trial, counts[trial], outcome.result, size)
                 progress.update()
     return [forecasts[trial] for trial in tried]
 
 
 def _probe(trial: Trial) -> Trial:
-    steps = min(N_PROBED, trial.options.steps)
-    return Trial(dataclasses.replace(trial.options, steps=steps, until_sensed=None))
+    steps = min(N_PROBED, trial.config.steps)
+    return Trial(dataclasses.replace(trial.config, steps=steps, until_sensed=None))
 
 
-def _forecast(trial: Trial, n_trials: int, timings: Mapping[str, float], size: int) -> Forecast:
-    actions_s = sum(timings.get(part, 0.0) for part in ACTION_PARTS)
-    per_action_s = actions_s / min(N_PROBED, trial.options.steps)
-    options = trial.options
-    n_curves = (2 if options.keeps_map() else 1) * (2 if options.make_scenario().has_target else 1)
-    more_bytes = 9 * n_curves * max(trial.options.steps - N_PROBED, 0)  # "0.123456," per action
-    trial_s = timings.get("setup_s", 0.0) + per_action_s * trial.options.steps
+def _forecast(trial: Trial, n_trials: int, result: TrialResult, size: int) -> Forecast:
+    timings = result.timings
+    actions_s = sum(timings.get(part, 0.0) for part in ACTION_SECONDS)
+    per_action_s = actions_s / min(N_PROBED, trial.config.steps)
+    n_curves = sum(not name.endswith("precision") for name in result.curves)
+    more_bytes = 9 * n_curves * max(trial.config.steps - N_PROBED, 0)  # "0.123456," per action
+    trial_s = timings.get("setup_s", 0.0) + per_action_s * trial.config.steps
     return Forecast(trial, n_trials, trial_s, size + more_bytes)
 
 
-def forecast_text(study: Study, forecasts: Sequence[Forecast], options: TrialsOptions) -> str:
+def forecast_text(study: Study, forecasts: Sequence[Forecast], *, n_jobs: int) -> str:
     """A forecast as text for a terminal."""
     head = ("scenario", "planner", "arm", "trials", "actions at most", "s per trial at most")
     rows = [
         (
-            forecast.trial.options.scenario,
-            forecast.trial.options.planner,
-            forecast.trial.options.arm,
+            forecast.trial.config.scenario,
+            forecast.trial.config.planner,
+            forecast.trial.config.arm,
             str(forecast.n_trials),
-            str(forecast.trial.options.steps),
+            str(forecast.trial.config.steps),
             f"{forecast.trial_s:.1f}",
         )
         for forecast in forecasts
@@ -90,14 +90,14 @@ def forecast_text(study: Study, forecasts: Sequence[Forecast], options: TrialsOp
     size = share * sum(forecast.n_trials * forecast.entry_bytes for forecast in forecasts)
     lines = [
         f"{study.title}: {len(study)} trials",
-        table(head, rows),
-        f"at most {core_s / 3600:.2g} core hours, {core_s / options.jobs / 3600:.2g} hours with --jobs "
-        f"{options.jobs}, and {size / 1e6:.2g} MB of journal, if every trial takes all its actions",
+        markdown_table(head, rows),
+        f"at most {core_s / 3600:.2g} core hours, {core_s / n_jobs / 3600:.2g} hours with `jobs` "
+        f"{n_jobs}, and {size / 1e6:.2g} MB of journal, if every trial takes all its actions",
     ]
     if len(forecasts) < len(list(study.first_trials())):
         lines.append(
             f"(from the first {len(forecasts)} combinations; the others are taken to be like their mean)"
         )
-    if any(forecast.trial.options.until_sensed is not None for forecast in forecasts):
+    if any(forecast.trial.config.until_sensed is not None for forecast in forecasts):
         lines.append("Trials that stop when enough was sensed take far less.")
     return "\n".join(lines)

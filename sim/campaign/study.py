@@ -6,20 +6,20 @@ import dataclasses
 import itertools
 import json
 import math
-import types
-import typing
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from sim.errors import UsageError
-from sim.running.options import EpisodeOptions
+from sim.running.config import EpisodeConfig
+from sim.running.fields import config_of, converted, default_of, field_names, flat, plain
+from sim.running.parts import check_config
 
-NOT_AXES = ("out", "overwrite", "frames", "report")
-"""Options that say where and what an episode writes, which a campaign decides itself."""
+NOT_AXES = ("config", "out", "overwrite", "frames", "report")
+"""Options that say where an episode comes from and what it writes, which a campaign decides itself."""
 SETUP_OPTIONS = (
     "scenario",
     "organ",
@@ -50,23 +50,16 @@ Values = Sequence[Any]
 class Trial:
     """One episode of a study."""
 
-    options: EpisodeOptions
+    config: EpisodeConfig
     folder: Path | None = None
     """Where the episode's folder is written; None for no folder."""
 
     @property
-    def run_options(self) -> EpisodeOptions:
-        """The options to run it with."""
-        return dataclasses.replace(self.options, out=self.folder, overwrite=True)
-
-    @property
     def settings(self) -> dict[str, Any]:
         """Options that tell this trial from others: the leading ones, and all that are not the default."""
-        values = {name: getattr(self.options, name) for name in option_names()}
-        return {name: _plain(values[name]) for name in LEADING} | {
-            name: _plain(value)
-            for name, value in values.items()
-            if name not in LEADING and value != _defaults()[name]
+        values = {name: value for name, value in flat(self.config).items() if name not in NOT_AXES}
+        return {name: values[name] for name in LEADING} | {
+            name: value for name, value in values.items() if name not in LEADING and value != default_of(name)
         }
 
     @property
@@ -77,8 +70,9 @@ class Trial:
     @property
     def name(self) -> str:
         """A name for its folder: readable, and no other trial's."""
-        words = (Path(self.options.scenario).stem, self.options.planner, Path(self.options.arm).stem)
-        return f"{'-'.join(words)}-{self.options.seed}-{zlib.crc32(self.key.encode()):08x}"
+        config = self.config
+        words = (Path(config.scenario).stem, config.planner.replace(":", "."), Path(config.arm).stem)
+        return f"{'-'.join(words)}-{config.seed}-{zlib.crc32(self.key.encode()):08x}"
 
 
 @dataclass(frozen=True)
@@ -97,19 +91,19 @@ class Part:
                 raise UsageError(f"{name}: no value is given.")
             if len(set(map(str, values))) < len(values):
                 raise UsageError(f"{name}: a value is given twice.")
-        for options in self.combinations():
-            options.check()
+        for config in self.combinations():
+            check_config(config)
 
     @property
     def seeds(self) -> Values:
         """The seeds of every combination."""
         return self.values.get("seed", (0,))
 
-    def combinations(self) -> Iterator[EpisodeOptions]:
+    def combinations(self) -> Iterator[EpisodeConfig]:
         """Every combination of all options but the seed, in the order of the trials."""
         names = sorted((name for name in self.values if name != "seed"), key=_slowness)
         for combination in itertools.product(*(self.values[name] for name in names)):
-            yield EpisodeOptions(**dict(zip(names, combination, strict=True)), seed=self.seeds[0])
+            yield config_of(dict(zip(names, combination, strict=True)) | {"seed": self.seeds[0]})
 
     def __len__(self) -> int:
         """The number of trials."""
@@ -117,9 +111,9 @@ class Part:
 
     def trials(self) -> Iterator[Trial]:
         """Every trial; what a setup is built from varies slowest, the seed fastest."""
-        for options in self.combinations():
+        for config in self.combinations():
             for seed in self.seeds:
-                yield Trial(dataclasses.replace(options, seed=seed))
+                yield Trial(dataclasses.replace(config, seed=seed))
 
 
 @dataclass(frozen=True)
@@ -140,8 +134,8 @@ class Study:
     def first_trials(self) -> Iterator[tuple[Trial, int]]:
         """The first trial of each combination, and how many seeds it has."""
         for part in self.parts:
-            for options in part.combinations():
-                yield Trial(options), len(part.seeds)
+            for config in part.combinations():
+                yield Trial(config), len(part.seeds)
 
     def describe(self) -> dict[str, Any]:
         """The study as plain data."""
@@ -159,30 +153,30 @@ def key_of(settings: Mapping[str, Any]) -> str:
 @lru_cache(maxsize=1)
 def option_names() -> tuple[str, ...]:
     """The options of an episode that a study may set."""
-    return tuple(field.name for field in dataclasses.fields(EpisodeOptions) if field.name not in NOT_AXES)
+    return tuple(name for name in field_names() if name not in NOT_AXES)
 
 
-def default_of(name: str) -> Any:
-    """The value of an option that nobody sets, as plain data."""
-    return _plain(_defaults()[name])
+def make_study(title: str = "trials", **values: Any) -> Study:
+    """A study of one part from values by name.
 
-
-def option_value(name: str, value: Any) -> Any:
-    """A value as the option's type has it: a whole number where a float is due, a text where a path is.
+    Args:
+        title: Of the study.
+        values: Options of an episode, each with one value or a list of them; every combination is run. `seed` also
+            takes `"0:100"` for the seeds from 0 to 99.
 
     Raises:
-        UsageError: The value has another type.
+        UsageError: An unknown option, or a value that it does not take.
     """
-    hint = _hints()[name]
-    for kind in _kinds(hint):
-        if (converted := _converted(kind, value)) is not None:
-            return converted
-    raise UsageError(f"{name}={value!r}: {_wanted(hint)}.")
-
-
-def options_of(settings: Mapping[str, Any]) -> EpisodeOptions:
-    """The options that a trial's settings stand for."""
-    return EpisodeOptions(**{name: option_value(name, value) for name, value in settings.items()})
+    lists = {}
+    for name, value in values.items():
+        if name not in option_names():
+            raise UsageError(f"unknown option {name!r}. There are: {', '.join(option_names())}.")
+        if name == "seed":
+            lists[name] = parse_seeds(value)
+        else:
+            items = value if isinstance(value, list) else [value]
+            lists[name] = tuple(converted(name, each) for each in items)
+    return Study(title, (Part(lists),))
 
 
 def parse_seeds(value: Any) -> Values:
@@ -210,56 +204,7 @@ def _slowness(name: str) -> tuple[int, int]:
     return (1 if name == "planner" else 2, option_names().index(name))
 
 
-@lru_cache(maxsize=1)
-def _defaults() -> dict[str, Any]:
-    return {field.name: field.default for field in dataclasses.fields(EpisodeOptions)}
-
-
-@lru_cache(maxsize=1)
-def _hints() -> dict[str, Any]:
-    return typing.get_type_hints(EpisodeOptions)
-
-
-def _converted(kind: Any, value: Any) -> Any:
-    """The value as that type, None where it is none."""
-    if typing.get_origin(kind) is Literal:
-        return value if value in typing.get_args(kind) else None
-    if typing.get_origin(kind) is tuple:
-        if not isinstance(value, list | tuple):
-            return None
-        item = typing.get_args(kind)[0]
-        items = tuple(_converted(item, each) for each in value)
-        return None if None in items else items
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind is Path and isinstance(value, str | Path):
-        return Path(value)
-    return value if type(value) is kind else None
-
-
-def _kinds(hint: Any) -> tuple[Any, ...]:
-    """The alternatives of a type: `X | None` is one kind of union, `Literal[...] | None` another."""
-    return typing.get_args(hint) if typing.get_origin(hint) in (types.UnionType, typing.Union) else (hint,)
-
-
-def _wanted(hint: Any) -> str:
-    return " or ".join(_kind_in_words(kind) for kind in _kinds(hint) if kind is not types.NoneType)
-
-
-def _kind_in_words(kind: Any) -> str:
-    if typing.get_origin(kind) is Literal:
-        return f"one of {', '.join(typing.get_args(kind))}"
-    names = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
-    return names.get(kind, "a path, or a list of them")
-
-
 def _described(values: Values) -> Any:
     if isinstance(values, range):
         return f"{values.start}:{values.stop}"
-    return [_plain(value) for value in values]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return [_plain(each) for each in value]
-    return str(value) if isinstance(value, Path) else value
+    return [plain(value) for value in values]

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import UsageError
+from sim.running.fields import converted
 
-from .study import Part, Study, option_names, option_value, parse_seeds
+from .study import Part, Study, option_names, parse_seeds
 
 STUDIES_DIR = Path(__file__).parent / "studies"
 TABLES = ("episode", "axes")
@@ -96,7 +97,7 @@ class _Reader:
         return entries
 
     def _converted(self, name: str, given: list[Any]) -> tuple[Any, ...]:
-        return tuple(self._beside_file(name, option_value(name, value)) for value in given)
+        return tuple(self._beside_file(name, converted(name, value)) for value in given)
 
     def _beside_file(self, name: str, value: Any) -> Any:
         """Relative paths are relative to the file."""

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mapping.storage import replacing
-from sim.record.run_folder import table_cell
+from sim.tables import columns_of, write_csv
 
 from .journal import Entry, Journal
 from .study import LEADING, Study
@@ -38,18 +35,18 @@ def write_tables(folder: Path, journal: Journal, study: Study) -> None:
     def entries() -> Iterator[Entry]:
         return journal.entries(trial.key for trial in study.trials())
 
-    settings = _columns(entry["settings"] for entry in entries())
+    settings = columns_of(entry["settings"] for entry in entries())
     keys = [*LEADING, *(name for name in settings if name not in LEADING)]
-    row_columns = _columns(entry["row"] for entry in entries())
+    row_columns = columns_of(entry["row"] for entry in entries())
     columns = [
         *keys,
         "status",
         *(name for name in row_columns if name not in (*keys, "status", "error")),
         "error",
     ]
-    _write_csv(folder / "trials.csv", columns, (entry["row"] | entry["settings"] for entry in entries()))
-    timed = [*keys, *_columns(entry["timings"] for entry in entries())]
-    _write_csv(folder / "timings.csv", timed, (entry["settings"] | entry["timings"] for entry in entries()))
+    write_csv(folder / "trials.csv", (entry["row"] | entry["settings"] for entry in entries()), columns)
+    timed = [*keys, *columns_of(entry["timings"] for entry in entries())]
+    write_csv(folder / "timings.csv", (entry["settings"] | entry["timings"] for entry in entries()), timed)
     with replacing(folder / "curves.npz") as file:
         np.savez_compressed(file, **curve_arrays(entries()))  # type: ignore[arg-type]
     _write_parquet(folder)
@@ -80,25 +77,6 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
         values = np.asarray(columns[name], dtype=np.float32)
         arrays[name] = values.reshape(-1, len(RECALL_LEVELS)) if name.endswith("precision") else values
     return arrays | {"recall": RECALL_LEVELS}
-
-
-def _columns(rows: Iterator[Mapping[str, Any]]) -> list[str]:
-    """Names of all columns, in the order in which rows first have them."""
-    columns: dict[str, None] = {}
-    for row in rows:
-        columns |= dict.fromkeys(row)
-    return list(columns)
-
-
-def _write_csv(path: Path, columns: Sequence[str], rows: Iterator[Mapping[str, Any]]) -> None:
-    with replacing(path) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(columns)
-        for row in rows:
-            writer.writerow([table_cell(row.get(name)) for name in columns])
-        text.flush()
-        text.detach()
 
 
 def _floats(values: Sequence[float | None]) -> list[float]:

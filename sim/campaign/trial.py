@@ -18,11 +18,13 @@ from threadpoolctl import threadpool_limits
 from mapping import Prediction, precision_recall_curve
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
-from sim.running.options import EpisodeOptions
-from sim.running.run import arm_model, make_episode, run_episode
+from sim.running.fields import recorded
+from sim.running.parts import EpisodeParts, make_parts
+from sim.running.run_episode import Output, make_episode, record_episode
 from sim.running.summary import Totals, episode_summary
 
 from .lookahead import Lookahead
+from .study import Trial
 from .trial_result import RECALL_LEVELS, TrialResult
 
 CURVE_DIGITS = 6
@@ -35,37 +37,38 @@ _one_at_a_time = threading.Lock()
 _setups: dict[tuple[Any, ...], Setup] = {}
 
 
-def run_trial(options: EpisodeOptions) -> TrialResult:
-    """Run one trial with one BLAS thread. What it raises becomes its status, so that a campaign goes on.
+def run_trial(trial: Trial) -> TrialResult:
+    """The result of a trial, run with one BLAS thread. What it raises becomes its status, so that a campaign goes on.
 
     Args:
-        options: The episode. Where `out` is set, the episode's folder is written there.
+        trial: The episode to run. Where it names a folder, the episode's folder is written there too.
     """
     start_s = perf_counter()
     with _one_at_a_time, threadpool_limits(limits=1):
         try:
-            return _run(options, start_s)
+            return _run(trial, start_s)
         except Exception as error:  # the campaign's boundary: whatever fails is a row, not the campaign's end
             row = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
             return TrialResult(row, _costs(start_s), traceback=traceback.format_exc())
 
 
-def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
-    setup, stage_s = _setup(options)
-    if options.out is not None:
-        write_trial_folder(options)
+def _run(trial: Trial, start_s: float) -> TrialResult:
+    parts = make_parts(trial.config)
+    setup, stage_s = _setup(parts)
+    if trial.folder is not None:
+        write_trial_folder(trial)
     setup_start_s = perf_counter()
-    planner = options.make_planner()
+    planner = parts.planner
     ahead = planner if planner.needs_belief else Lookahead(planner, setup.positioner)
-    episode = make_episode(options, setup, planner=ahead, casts_rays=options.keeps_map())
+    episode = make_episode(parts, setup, planner=ahead, casts_rays=parts.keeps_map)
     setup_s = perf_counter() - setup_start_s
     totals = Totals()
     steps = episode.steps(
-        options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
+        parts.n_steps, until_sensed=parts.until_sensed, until_confident=parts.until_confident
     )
     for step in steps:
         totals.add(step)
-    summary = episode_summary(options, episode, totals, episode.metrics())
+    summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
     measured = (*totals.seconds(), *MEASURED)
     row = {"status": "finished"} | {
         key: _plain(value) for key, value in summary.items() if key not in measured
@@ -76,20 +79,21 @@ def _run(options: EpisodeOptions, start_s: float) -> TrialResult:
     return TrialResult(row, timings, _curves(episode, totals))
 
 
-def write_trial_folder(options: EpisodeOptions) -> None:
-    """Run an episode and write its folder, on the process's setup."""
-    run_episode(options, setup=_setup(options)[0], show_progress=False)
+def write_trial_folder(trial: Trial) -> None:
+    """Run a trial's episode and write its folder, on the process's setup."""
+    assert trial.folder is not None
+    parts = make_parts(trial.config)
+    output = Output(folder=trial.folder, options=recorded(trial.config), overwrite=True)
+    record_episode(parts, output, setup=_setup(parts)[0], show_progress=False)
 
 
-def _setup(options: EpisodeOptions) -> tuple[Setup, float]:
+def _setup(parts: EpisodeParts) -> tuple[Setup, float]:
     """The setup of an episode and the time that building it took; the process's last one is kept."""
-    settings, scenario = options.make_map_settings(), options.make_scenario()
-    base = (options.base_mm, options.base_yaw_deg)
-    key = (scenario, options.arm, options.flange, base, settings.hinge_spacing_m)
+    key = (parts.scenario, parts.arm, parts.map_settings.hinge_spacing_m)
     start_s = perf_counter()
     if key not in _setups:
         _setups.clear()
-        _setups[key] = build_setup(scenario, arm_model(options), settings)
+        _setups[key] = build_setup(parts.scenario, parts.arm, parts.map_settings)
     return _setups[key], perf_counter() - start_s
 
 

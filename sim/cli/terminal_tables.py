@@ -68,7 +68,7 @@ def reach_table(summary: Mapping[str, Any]) -> str:
     return "\n".join([head, "-" * len(head), *lines, f"written to {summary['folder']}"])
 
 
-def comparison_table(summary: Mapping[str, Any]) -> str:
+def arms_summary(summary: Mapping[str, Any]) -> str:
     """The arms of a comparison as a table, ending with the folder that holds their studies."""
     return f"{summary['scenario']}\n\n{summary['table']}\nwritten to {summary['folder']}"
 
@@ -91,7 +91,7 @@ def _base_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append("  organ's inside seen {:.1%}, from the present base {:.1%}".format(*shares))
     if found["best_stage"] == "present":
         return [*lines, "  no candidate is better than the present base"]
-    return [*lines, f"  to put the base there: {found['best_options']}"]
+    return [*lines, f"  to put the base there: {_base_flags(found['best_base'])}"]
 
 
 def _lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> list[str]:
@@ -101,3 +101,9 @@ def _lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> 
         value = summary.get(key)
         lines.append(f"{label:<{width}}  {'–' if value is None else form.format(value)}")
     return lines
+
+
+def _base_flags(place: Mapping[str, Any]) -> str:
+    """What to type to put an arm's base somewhere."""
+    base_mm = " ".join(f"{value:g}" for value in place["base_mm"])
+    return f"--base-mm {base_mm} --base-yaw-deg {place['base_yaw_deg']:g}"

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import csv
-import dataclasses
-import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from tqdm import tqdm
 
+from mapping.storage import replacing
 from sim.campaign.engines.local import LocalEngine
-from sim.campaign.study import Trial, options_of
-from sim.campaign.tables import replacing
+from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult
-from sim.cli.trials_options import CompareOptions
-from sim.errors import UsageError
+from sim.errors import FieldError
+from sim.running.config import ALWAYS
+from sim.running.fields import changed, config_of
+from sim.tables import write_csv
 
 from .comparison import Comparison, compare_groups
 from .figures import draw_curves, draw_precision, draw_reached, draw_sensings
@@ -43,34 +42,51 @@ class CompareSummary:
     figures: tuple[Path, ...]
 
 
-def run_compare(options: CompareOptions) -> CompareSummary:
+def compare(
+    folders: Sequence[Path | str],
+    out: Path | str | None = None,
+    *,
+    seeds: Container[int] | None = None,
+    reference: str | None = None,
+    view_seed: int | None = None,
+    jobs: int = 2,
+) -> CompareSummary:
     """Compare campaigns and write compare.md, compare.csv, report.html and figures.
+
+    Args:
+        folders: Folders that `run_trials` or `sounding trials` wrote, at least one.
+        out: Folder to write to; by default `compare` in the first of them.
+        seeds: Look at these seeds only; at all by default.
+        reference: Contender against which all others are paired; by default all pairs are.
+        view_seed: Run this seed of each contender again and draw its map and poses from above and from the side.
+        jobs: Processes that draw the views.
 
     Raises:
         UsageError: A folder holds no campaign, a reference is unknown, or the output cannot be written.
     """
-    groups = load_groups(options.folders, seeds=options.seed_range())
+    campaigns = [Path(folder) for folder in folders]
+    groups = load_groups(campaigns, seeds=seeds)
     contenders = list(dict.fromkeys(group.contender for group in groups))
-    if options.reference is not None and options.reference not in contenders:
-        raise UsageError(f"--reference {options.reference}: choose one of {'; '.join(contenders)}.")
-    comparison = compare_groups(groups, reference=options.reference)
-    notes = notes_on(options.folders)
+    if reference is not None and reference not in contenders:
+        raise FieldError("reference", reference, f"choose one of {'; '.join(contenders)}.")
+    comparison = compare_groups(groups, reference=reference)
+    notes = notes_on(campaigns)
     text = markdown(comparison, notes)
-    folder = options.out_folder()
+    folder = campaigns[0] / "compare" if out is None else Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / "compare.md") as file:
         file.write(text.encode())
-    _write_csv(folder / "compare.csv", flat_rows(comparison))
+    write_csv(folder / "compare.csv", flat_rows(comparison))
     figures = [
         path
         for case in comparison.cases
         for name, draw in FIGURES.items()
         if draw(path := folder / f"{name}-{slug(case)}.png", comparison, case)
     ]
-    if options.view_seed is not None:
-        figures += draw_views(folder / "views", comparison, options.view_seed, options.jobs)
-    views = folder / "views" if options.view_seed is not None else None
-    write_comparison_page(folder, comparison, notes=notes, campaigns=options.folders, views=views)
+    views = None if view_seed is None else folder / "views"
+    if views is not None and view_seed is not None:
+        figures += draw_views(views, comparison, view_seed, jobs)
+    write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views)
     return CompareSummary(text, folder, tuple(figures))
 
 
@@ -85,10 +101,10 @@ def draw_views(folder: Path, comparison: Comparison, seed: int, n_jobs: int) -> 
         for entry in group.entries:
             if entry["settings"]["seed"] == seed:
                 name = f"{slug(group.case)}-{slug(group.contender)}"
-                options = dataclasses.replace(options_of(entry["settings"]), map="always")
-                trials.append(Trial(options, folder=folder.absolute() / name))
+                config = changed(config_of(entry["settings"]), map=ALWAYS)
+                trials.append(Trial(config, folder=folder.absolute() / name))
     if not trials:
-        raise UsageError(f"--view-seed {seed}: no trial has that seed.")
+        raise FieldError("view_seed", seed, "no trial has that seed.")
     with LocalEngine(n_jobs, work=_write_folder) as engine, tqdm(total=len(trials), desc="views") as progress:
         for outcome in engine.outcomes(trials):
             progress.update(outcome is not None)
@@ -99,20 +115,10 @@ def _write_folder(trial: Trial) -> TrialResult:
     """Write a trial's episode folder, in a process of the engine."""
     from sim.campaign.trial import write_trial_folder
 
-    write_trial_folder(trial.run_options)
+    write_trial_folder(trial)
     return TrialResult({"status": "finished"})
 
 
 def slug(text: str) -> str:
     """A text as part of a file's name."""
     return re.sub(r"[^\w.]+", "-", text).strip("-")
-
-
-def _write_csv(path: Path, rows: Sequence[dict[str, object]]) -> None:
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n", restval="")
-    writer.writeheader()
-    writer.writerows(rows)
-    with replacing(path) as file:
-        file.write(text.getvalue().encode())

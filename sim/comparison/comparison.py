@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.pictures.figures import SENSED_TARGET
+from sim.episode.measures import SENSED_GOAL
 
 from .estimates import (
     Interval,
@@ -147,7 +147,7 @@ def _applies(measure: Measure, group: TrialGroup) -> bool:
         return False
     if measure is SENSINGS:
         goal = group.setting("until_sensed")
-        return (goal is None or goal >= SENSED_TARGET) and _is_defined(group.values("sensed_fraction"))
+        return (goal is None or goal >= SENSED_GOAL) and _is_defined(group.values("sensed_fraction"))
     values = group.values(measure.key)
     return _is_defined(values) and (measure.key != "n_skipped_poses" or bool(values.any()))
 

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from mapping.storage import replacing
-from sim.campaign.study import Trial, options_of
+from sim.campaign.study import Trial
 from sim.campaign.trial_result import RECALL_LEVELS
 from sim.report.page import REPORT, environment
+from sim.running.fields import config_of
 
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
@@ -187,7 +188,7 @@ def _runs(group: TrialGroup, folder: Path, campaigns: Sequence[Path]) -> dict[st
     """Links to the reports of a contender's trials, by seed; None where no trial has a folder."""
     links = []
     for entry in group.entries:
-        name = Trial(options_of(entry["settings"])).name
+        name = Trial(config_of(entry["settings"])).name
         for campaign in campaigns:
             report = campaign / "trials" / name / REPORT
             if report.is_file():

@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from sim.tables import markdown_table
+
 from .comparison import SENSINGS, Comparison, Pairing, Score
 from .estimates import Interval, MeanEstimate
 
@@ -53,7 +55,7 @@ def score_table(scores: Sequence[Score]) -> str:
                 str(score.n_failed),
             )
         )
-    return table(SCORE_HEAD, rows)
+    return markdown_table(SCORE_HEAD, rows)
 
 
 def pair_table(pairings: Sequence[Pairing]) -> str:
@@ -72,17 +74,7 @@ def pair_table(pairings: Sequence[Pairing]) -> str:
                 f"{estimate.win_rate:.0%} {interval_text(estimate.win_interval, '{:.0%}')}",
             )
         )
-    return table(PAIR_HEAD, rows)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table with aligned columns."""
-    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
-    lines = [head, ["-" * width for width in widths], *rows]
-    return "\n".join(
-        "| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) + " |"
-        for line in lines
-    )
+    return markdown_table(PAIR_HEAD, rows)
 
 
 def interval_text(interval: Interval, form: str) -> str:

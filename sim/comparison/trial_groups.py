@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from sim.campaign.campaign_folder import JOURNAL, read_study
 from sim.campaign.journal import Entry, read_entries
-from sim.campaign.study import SETUP_OPTIONS, default_of
+from sim.campaign.study import SETUP_OPTIONS
 from sim.errors import UsageError
+from sim.running.fields import default_of
 
 ENDINGS = ("steps", "until_sensed")
 """Options that say when an episode ends; they are told beside the groups, not in their names."""

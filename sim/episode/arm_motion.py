@@ -1,4 +1,4 @@
-"""The movers of an arm: along a timed, collision-free path, followed exactly or simulated."""
+"""The motion of an arm: along a timed, collision-free path, followed exactly or simulated."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from sim.running.options import MotionKind
 from sim.world.motion.contact_surface import ContactSurface
 from sim.world.motion.joint_limits import JointLimits, is_embedded
 from sim.world.motion.path_check import PathCheck
 from sim.world.motion.path_search import PathSearch
 from sim.world.motion.servo import ServoArm, ServoRun
 from sim.world.motion.servo_settings import ServoSettings
-from sim.world.motion.settings import MotionSettings
+from sim.world.motion.settings import MotionKind, MotionSettings
 from sim.world.motion.timing import PathTimer, Trajectory
 
 from .motion import JumpMotion, Motion, MotionModel, Phase, ProcedureStoppedError, blocked, joint_travel_rad
@@ -201,8 +200,8 @@ class ServoMotion(PathMotion):
         x_mm, y_mm, z_mm = 1e3 * run.tips_m[-1]
         return (
             f"The probe pressed with {run.peak_force_n:.2f} N at ({x_mm:.0f}, {y_mm:.0f}, {z_mm:.0f}) mm, above the "
-            f"limit of {self._servo.force_limit_n:g} N, and the arm stopped. Press less (--press-mm), come down more "
-            "slowly (--approach-speed-mm-s), or raise --force-limit-n."
+            f"limit of {self._servo.force_limit_n:g} N, and the arm stopped. Press less (`press_mm`), come down more "
+            "slowly (`approach_speed_mm_s`), or raise `force_limit_n`."
         )
 
 

@@ -11,15 +11,17 @@ import mujoco
 import numpy as np
 
 from mapping import (
-    DetailedMap,
-    HilbertMap,
     InsetSettings,
     LabelledPoints,
     MapMetrics,
     MapSettings,
+    MapSpace,
     Prediction,
+    TumourMap,
+    TumourMapFactory,
     average_precision,
     evaluate_map,
+    make_hilbert_map,
 )
 from planner import Planner, Situation
 from sim.world.ik.result import IkResult
@@ -80,10 +82,10 @@ class Episode:
         seed: int,
         map_settings: MapSettings | None = None,
         insets: InsetSettings | None = None,
+        tumour_map: TumourMapFactory | None = make_hilbert_map,
         probe_settings: ProbeSettings | None = None,
         motion_model: MotionModel | None = None,
         sensing_s: float = MotionSettings().sensing_s,
-        has_map: bool = True,
         casts_rays: bool = True,
         plans_for_target: bool = False,
     ) -> None:
@@ -93,12 +95,14 @@ class Episode:
             setup: Organ, workspace and arm.
             planner: Ranks the poses.
             seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
-            map_settings: Of the map.
-            insets: Of the finer maps laid in where tumour was sensed; None for none.
+            map_settings: What the map assumes.
+            insets: Settings of the finer maps laid in where tumour was sensed; None for none.
+            tumour_map: Makes the map that is kept, from what it is made for: `make_hilbert_map`, or a class of one's
+                own. None keeps no map, which only planners that need no belief can go without. A second class gets a
+                map of its own.
             probe_settings: Of the readings.
             motion_model: Moves the probe between poses, for this episode alone; one that jumps by default.
             sensing_s: Modelled time of a sensing action.
-            has_map: Whether a map is kept; only planners that need no belief can go without.
             casts_rays: Whether readings hold points. Without a map nothing but the share sensed is asked of a
                 reading, and for that where the tip is suffices.
             plans_for_target: Whether the planner is shown the belief about a second class in place of the tumours'.
@@ -109,9 +113,9 @@ class Episode:
         """
         if seed < 0:
             raise ValueError(f"seed={seed}: must be 0 or more.")
-        if planner.needs_belief and not has_map:
-            raise ValueError(f"{type(planner).__name__} needs a belief: has_map must be True.")
-        if has_map and not casts_rays:
+        if planner.needs_belief and tumour_map is None:
+            raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
+        if tumour_map is not None and not casts_rays:
             raise ValueError("A map needs readings: casts_rays must be True.")
         truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
         self.setup, self.planner = setup, planner
@@ -119,12 +123,11 @@ class Episode:
         scene = self.truth.scene if casts_rays else setup.scene  # tumours are there for the rays alone
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
-        self.hilbert_map = _prior_map(setup, self._map_settings, insets) if has_map else None
+        self.tumour_map = self._new_map(tumour_map, insets)
         self.prediction: Prediction | None = None
         self.target: TargetBelief | None = None
         if self.truth.target is not None:
-            own_map = _prior_map(setup, self._map_settings, insets) if has_map else None
-            self.target = TargetBelief(self.truth.target, setup.cone, own_map)
+            self.target = TargetBelief(self.truth.target, setup.cone, self._new_map(tumour_map, insets))
         if plans_for_target and self.target is None:
             raise ValueError(
                 "plans_for_target=True: the setup has no second class. Give it targets, or leave it out."
@@ -271,20 +274,28 @@ class Episode:
         self._is_sensed |= self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
 
     def _update(self, reading: Reading) -> float | None:
-        if self.hilbert_map is None:
+        if self.tumour_map is None:
             return None
-        self.hilbert_map.update(reading.points_m, reading.is_occupied)
+        self.tumour_map.update(reading.points_m, reading.is_occupied)
         self._predict()
         assert self.prediction is not None
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
+    def _new_map(self, make: TumourMapFactory | None, insets: InsetSettings | None) -> TumourMap | None:
+        """A map before any reading, on the setup's lattices."""
+        if make is None:
+            return None
+        setup = self.setup
+        space = MapSpace(
+            hinges=setup.hinges,
+            hinge_mask=setup.hinge_mask,
+            query=setup.query,
+            is_inside=setup.is_inside,
+            settings=self._map_settings,
+            insets=insets,
+        )
+        return make(space)
+
     def _predict(self) -> None:
-        if self.hilbert_map is not None:
-            self.prediction = self.hilbert_map.predict_lattice()
-
-
-def _prior_map(setup: Setup, settings: MapSettings, insets: InsetSettings | None) -> HilbertMap | DetailedMap:
-    coarse = HilbertMap(
-        setup.hinges, settings, query=setup.query, query_mask=setup.is_inside, hinge_mask=setup.hinge_mask
-    )
-    return coarse if insets is None else DetailedMap(coarse, insets)
+        if self.tumour_map is not None:
+            self.prediction = self.tumour_map.predict_lattice()

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-import tomllib
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 from sim.errors import UsageError
+from sim.world.case_files import CaseFiles
 from sim.world.meshes.file_kinds import CodingName, MeshFrame, Unit
+
+if TYPE_CHECKING:
+    from sim.world.case_files import Body
 
 TumourShape = Literal["sphere", "lobulated"]
 TumourLoad = Literal["fixed", "lits"]
@@ -18,6 +19,7 @@ Placing = Literal["table", "best"]
 PAPER_ORGAN = "paper-organ"
 LIVER = "liver"
 GENERATED_LIVER = "generated-liver"
+NAMED_ORGANS = (LIVER, PAPER_ORGAN, GENERATED_LIVER)
 MOST_NAME_LETTERS = 40
 PAPER_UNIT_M = 0.03
 """One unit of length of the paper; see docs/architecture.md."""
@@ -28,48 +30,28 @@ def _require(holds: bool, text: str) -> None:
         raise UsageError(text)
 
 
+def _require_one_of(name: str, value: object, known: tuple[str, ...]) -> None:
+    _require(value in known, f"{name}={value!r}: {' or '.join(known)}.")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
     """Everything about the case at hand; SI units. Any field can be set in a scenario's TOML file."""
 
     name: str = "scenario"
     """Name under which results are kept."""
-    organ: str = LIVER
+    organ: Body = LIVER
     """`liver` (the embedded one), `generated-liver` (one of its own for each seed), `paper-organ` (the paper's
-    synthetic surface), or the path of a mesh or a label volume."""
+    synthetic surface), the path of a mesh or a label volume, or a closed surface in memory (a `Solid` or a
+    `trimesh.Trimesh`, in metres and patient axes)."""
+    files: CaseFiles | None = None
+    """A patient's files, where there are more than the organ's; `organ` is then left out."""
     organ_seed: int | None = None
     """Seed of a generated liver; by default the episode's, so that every seed has another."""
-    organ_unit: Unit = "mm"
-    """Unit of all mesh files."""
-    organ_frame: MeshFrame = "auto"
-    """Axes of mesh files: lps, ras, or auto for what the file's header says, else lps."""
-    tumour_files: tuple[str, ...] = ()
-    """Meshes or label volumes of the true tumours, in the organ's coordinates. Where no file holds any, tumours are
-    planted by seed."""
     target_name: str = "target"
     """What to call a second class that is mapped beside the tumours, for example cysts."""
-    target_files: tuple[str, ...] = ()
-    """Meshes or label volumes of its bodies, in the organ's coordinates; none is ever planted by seed."""
-    structure_files: tuple[str, ...] = ()
-    """Meshes or masks of vessels and other structures to show, in the organ's coordinates."""
-    keepout_files: tuple[str, ...] = ()
-    """Those that the probe must not press."""
     keepout_distance_m: float = 0.005
-    """Poses closer than this to one of these are left out [m]."""
-    label_coding: CodingName = "auto"
-    """What a label volume's numbers mean: the name of a published coding, or auto."""
-    organ_labels: tuple[int, ...] = ()
-    """Labels of the organ, in place of the coding's."""
-    tumour_labels: tuple[int, ...] = ()
-    """Labels of tumours, in place of the coding's."""
-    target_labels: tuple[int, ...] = ()
-    """Labels of the second class; its bodies are added to the organ, as tumours are."""
-    structure_labels: tuple[int, ...] = ()
-    """Labels of structures to show."""
-    keepout_labels: tuple[int, ...] = ()
-    """Labels of structures that the probe must not press."""
-    voxel_spacing_m: tuple[float, float, float] | None = None
-    """Distances between voxels [m] in place of the label volume's own."""
+    """Poses closer than this to a structure to keep away from are left out [m]."""
     n_tumours: int = 3
     """Tumours to plant where no file holds any; 0 is allowed."""
     tumour_load: TumourLoad = "fixed"
@@ -134,10 +116,26 @@ class Scenario:
         if (self.organ_position_m is None) != (self.organ_quaternion is None):
             raise UsageError("organ_position_m and organ_quaternion belong together: give both or neither.")
 
+    def has_organ(self, name: str) -> bool:
+        """Whether the organ is the one of that name that Sounding brings along."""
+        return self.files is None and isinstance(self.organ, str) and self.organ == name
+
+    @property
+    def is_named_organ(self) -> bool:
+        """Whether the organ is one of those that Sounding brings along."""
+        return any(self.has_organ(name) for name in NAMED_ORGANS)
+
+    @property
+    def case_files(self) -> CaseFiles | None:
+        """The files of the case; None where the organ is one that Sounding brings along."""
+        if self.is_named_organ:
+            return None
+        return self.files or CaseFiles(organ=self.organ)
+
     @property
     def has_target(self) -> bool:
         """Whether a second class is mapped beside the tumours."""
-        return bool(self.target_files or self.target_labels)
+        return self.files is not None and self.files.has_targets
 
     def _check_target(self) -> None:
         name, n_most = self.target_name, MOST_NAME_LETTERS
@@ -146,25 +144,21 @@ class Scenario:
         )
         _require(is_name, f"target_name={name!r}: a name of 1 to {n_most} letters.")
         _require(
-            not self.has_target or self.organ not in (LIVER, PAPER_ORGAN, GENERATED_LIVER),
-            f"target_files, target_labels: go with an organ's own file, not with organ={self.organ!r}.",
-        )
-        _require(
             self.has_target or name == "target",
-            f"target_name={name!r}: names nothing. Give the class's bodies (--target FILE or --target-label N; in a "
-            "scenario target_files or target_labels), or leave the name out.",
+            f"target_name={name!r}: names nothing. Give the class's bodies (`target` or `target_label`; in a scenario "
+            "file target_files or target_labels), or leave the name out.",
         )
 
     def _check_files(self) -> None:
-        kinds = {"organ_unit": Unit, "organ_frame": MeshFrame, "label_coding": CodingName}
-        kinds |= {"tumour_load": TumourLoad, "organ_placing": Placing}
+        _require(
+            self.files is None or (isinstance(self.organ, str) and self.organ == LIVER),
+            "organ, files: both name an organ. Leave `organ` out, and name it in the files.",
+        )
+        kinds = {"tumour_load": TumourLoad, "organ_placing": Placing}
         for name, kind in kinds.items():
-            value, known = getattr(self, name), get_args(kind)
-            _require(value in known, f"{name}={value!r}: {' or '.join(known)}.")
-        for name in ("organ_labels", "tumour_labels", "target_labels", "structure_labels", "keepout_labels"):
-            labels = getattr(self, name)
-            is_labels = all(type(each) is int and 1 <= each <= 65_535 for each in labels)
-            _require(is_labels, f"{name}={labels}: whole numbers from 1 to 65535.")
+            _require_one_of(name, getattr(self, name), get_args(kind))
+        if self.files is not None:
+            _check_reading(self.files)
         _require(
             0.0 <= self.keepout_distance_m <= 0.1,
             f"keepout_distance_m={self.keepout_distance_m}: from 0 to 0.1 m.",
@@ -177,10 +171,25 @@ class Scenario:
             self.organ_seed is None or (type(self.organ_seed) is int and self.organ_seed >= 0),
             f"organ_seed={self.organ_seed}: a whole number from 0 on.",
         )
-        spacing_m = self.voxel_spacing_m
-        if spacing_m is not None:
-            is_spacing = len(spacing_m) == 3 and all(2e-5 <= each <= 0.03 for each in spacing_m)
-            _require(is_spacing, f"voxel_spacing_m={spacing_m}: three lengths from 0.00002 to 0.03 m.")
+
+
+def _check_reading(files: CaseFiles) -> None:
+    """Nothing, if labels, unit, frame and spacing are ones that there are; texts name the keys of a scenario file."""
+    kinds = {
+        "organ_unit": (files.unit, Unit),
+        "organ_frame": (files.frame, MeshFrame),
+        "label_coding": (files.labels.coding, CodingName),
+    }
+    for name, (value, kind) in kinds.items():
+        _require_one_of(name, value, get_args(kind))
+    for role in ("organ", "tumours", "targets", "structures", "keepouts"):
+        labels = getattr(files.labels, role)
+        is_labels = all(type(each) is int and 1 <= each <= 65_535 for each in labels)
+        _require(is_labels, f"{role.removesuffix('s')}_labels={labels}: whole numbers from 1 to 65535.")
+    spacing_m = files.spacing_m
+    if spacing_m is not None:
+        is_spacing = len(spacing_m) == 3 and all(2e-5 <= each <= 0.03 for each in spacing_m)
+        _require(is_spacing, f"voxel_spacing_m={spacing_m}: three lengths from 0.00002 to 0.03 m.")
 
 
 SCENARIOS: dict[str, Scenario] = {
@@ -200,47 +209,3 @@ SCENARIOS: dict[str, Scenario] = {
 The paper does not state its cone. For the synthetic organ it is pinned down by the baselines; for the liver it is that
 of an abdominal probe, 130 mm deep and 70 mm wide at that depth.
 """
-
-
-def load_scenario(name_or_path: str) -> Scenario:
-    """The scenario of that name, or the one that a TOML file describes.
-
-    A file holds fields of `Scenario`, and may start from a named one with `base = "sphere"`. Relative mesh paths are
-    relative to the file.
-
-    Raises:
-        UsageError: An unknown name, an unreadable file, an unknown key or a value out of range.
-    """
-    if name_or_path in SCENARIOS:
-        return SCENARIOS[name_or_path]
-    path = Path(name_or_path)
-    if path.suffix != ".toml":
-        raise UsageError(f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file.")
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UsageError(f"{path}: cannot read this scenario file: {error.strerror}.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: not a valid TOML file: {error}") from error
-    return _from_table(path, table)
-
-
-def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
-    base = table.pop("base", None)
-    if base is not None and base not in SCENARIOS:
-        raise UsageError(f"{path}: base = {base!r}: not one of {', '.join(SCENARIOS)}.")
-    known = {field.name: field for field in dataclasses.fields(Scenario)}
-    for key in table:
-        if key not in known:
-            raise UsageError(f"{path}: unknown key {key!r}. Known keys: base, {', '.join(known)}.")
-    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-    values.setdefault("name", path.stem)
-    if values.get("organ", LIVER) not in (LIVER, PAPER_ORGAN, GENERATED_LIVER):
-        values["organ"] = str(path.parent / str(values["organ"]))
-    for key in ("tumour_files", "target_files", "structure_files", "keepout_files"):
-        if key in values:
-            values[key] = tuple(str(path.parent / file) for file in values[key])
-    try:
-        return dataclasses.replace(SCENARIOS[base] if base else Scenario(), **values)
-    except (TypeError, UsageError) as error:
-        raise UsageError(f"{path}: {error}") from error

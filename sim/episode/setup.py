@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from mapping import Lattice, MapSettings
 from planner import Cone, Workspace, visible_points
 from sim.world.anatomy.anatomy import build_anatomy
-from sim.world.anatomy.case_files import CaseFiles, LoadedAnatomy, load_anatomy
 from sim.world.anatomy.liver_generator import make_liver
+from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy
 from sim.world.anatomy.paper_organ import paper_organ
 from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose, turned
 from sim.world.anatomy.structures import Structure, is_pressable
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
+from sim.world.case_files import CaseFiles
 from sim.world.errors import MeshError
 from sim.world.scene.arm import MODELS_DIR, ArmModel
 from sim.world.scene.base_room import check_base_room
@@ -23,11 +24,10 @@ from sim.world.scene.scene import Scene, build_scene
 from sim.world.solids.distance_grid import DistanceGrid
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import surface_distance_of
-from sim.world.volumes.label_coding import LabelChoice
 
 from .best_turn import best_turn_rad
 from .positioner import ArmPositioner, FreePositioner, Positioner
-from .scenario import GENERATED_LIVER, LIVER, PAPER_ORGAN, Scenario
+from .scenario import GENERATED_LIVER, PAPER_ORGAN, Scenario
 
 GRID_MARGIN_M = 0.002
 """The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
@@ -80,17 +80,20 @@ class Setup:
     """What was repaired or is unusual about the files."""
 
 
-def build_setup(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Setup:
+def build_setup(
+    scenario: Scenario, arm: ArmModel | None = None, map_settings: MapSettings | None = None
+) -> Setup:
     """Load and place the organ and everything that depends on it alone.
 
     Args:
         scenario: The case.
         arm: What carries the probe; None for a free-flying one.
-        map_settings: Gives the spacing of the hinges.
+        map_settings: Gives the spacing of the hinges; the defaults if None.
 
     Raises:
         WorldError: A mesh or an arm that cannot be used.
     """
+    map_settings = map_settings or MapSettings()
     placed, notices = placed_organ(scenario, arm)
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
@@ -138,7 +141,7 @@ def _hinge_mask(
     scenario: Scenario, organ_distance: DistanceGrid, hinges: Lattice, reach_m: float
 ) -> NDArray[np.bool_]:
     """Hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
-    if scenario.organ == PAPER_ORGAN:
+    if scenario.has_organ(PAPER_ORGAN):
         return np.ones(hinges.n_points, dtype=bool)
     return organ_distance.distance_m(hinges.points_m()) <= reach_m
 
@@ -165,33 +168,12 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
     Raises:
         WorldError: A file that cannot be used.
     """
-    if scenario.organ == PAPER_ORGAN:
+    if scenario.has_organ(PAPER_ORGAN):
         return LoadedAnatomy(organ=paper_organ().solid)
-    if scenario.organ == GENERATED_LIVER:
+    if scenario.has_organ(GENERATED_LIVER):
         seed = scenario.organ_seed or 0
         return LoadedAnatomy(organ=make_liver(np.random.default_rng((seed, GENERATOR_STREAM))))
-    if scenario.organ == LIVER:
-        return load_anatomy(CaseFiles(organ=str(MODELS_DIR / "liver.stl")))
-    return load_anatomy(
-        CaseFiles(
-            organ=scenario.organ,
-            tumours=scenario.tumour_files,
-            targets=scenario.target_files,
-            structures=scenario.structure_files,
-            keepouts=scenario.keepout_files,
-            unit=scenario.organ_unit,
-            frame=scenario.organ_frame,
-            labels=LabelChoice(
-                coding=scenario.label_coding,
-                organ=scenario.organ_labels,
-                tumours=scenario.tumour_labels,
-                targets=scenario.target_labels,
-                structures=scenario.structure_labels,
-                keepouts=scenario.keepout_labels,
-            ),
-            spacing_m=scenario.voxel_spacing_m,
-        )
-    )
+    return load_anatomy(scenario.case_files or CaseFiles(organ=str(MODELS_DIR / "liver.stl")))
 
 
 def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | None) -> PlacedOrgan:
@@ -199,7 +181,7 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
     if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
         T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
         return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
-    if scenario.organ == PAPER_ORGAN:  # its axes are the world's already: z is up
+    if scenario.has_organ(PAPER_ORGAN):  # its axes are the world's already: z is up
         return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
     turn_rad = scenario.organ_turn_rad
     if scenario.organ_placing == "best":
@@ -209,7 +191,7 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
 
 def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
     """The sensing poses of a scenario: the paper's own, or even positions on the organ's upper surface."""
-    if scenario.organ == PAPER_ORGAN:
+    if scenario.has_organ(PAPER_ORGAN):
         surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
     else:
         surface = upper_surface_workspace(placed.organ, scenario.n_poses, rng=np.random.default_rng(0))
@@ -219,7 +201,7 @@ def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
     if not is_clear.any():
         raise MeshError(
             f"no pose is left: all lie within {scenario.keepout_distance_m * 1e3:g} mm of what must not be "
-            "pressed; lower --keepout-mm, or name fewer structures"
+            "pressed; lower `keepout_mm`, or name fewer structures"
         )
     return Workspace(surface.positions_m[is_clear], surface.normals[is_clear])
 
@@ -227,7 +209,7 @@ def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
 def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:
     """Hinges at a fixed spacing, reaching beyond the organ, and the query lattice over the organ."""
     low_m, high_m = placed.organ.bounds_m
-    if scenario.organ == PAPER_ORGAN and np.allclose(placed.T_world_organ[:3, :3], np.eye(3)):
+    if scenario.has_organ(PAPER_ORGAN) and np.allclose(placed.T_world_organ[:3, :3], np.eye(3)):
         paper, shift_m = paper_organ(), placed.T_world_organ[:3, 3]
         low_m, high_m = paper.box_low_m + shift_m, paper.box_high_m + shift_m
         query = Lattice.from_counts(low_m, high_m, counts=PAPER_QUERY)

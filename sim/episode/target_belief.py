@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapping import (
-    DetailedMap,
-    HilbertMap,
     LabelledPoints,
     MapMetrics,
     Prediction,
+    TumourMap,
     average_precision,
     evaluate_map,
 )
@@ -34,16 +33,16 @@ class TargetScore:
 class TargetBelief:
     """What an episode comes to know of the second class. The map of the tumours is neither asked nor changed."""
 
-    def __init__(self, truth: TargetTruth, cone: Cone, hilbert_map: HilbertMap | DetailedMap | None) -> None:
+    def __init__(self, truth: TargetTruth, cone: Cone, tumour_map: TumourMap | None) -> None:
         """Begin from the prior.
 
         Args:
             truth: What there is of the class.
             cone: What an action senses.
-            hilbert_map: The class's own map before anything is sensed, which is updated; None to keep none.
+            tumour_map: The class's own map before anything is sensed, which is updated; None to keep none.
         """
         self.truth = truth
-        self.hilbert_map = hilbert_map
+        self.tumour_map = tumour_map
         self.prediction: Prediction | None = None
         self.readings: list[LabelledPoints] = []
         self._cone = cone
@@ -59,10 +58,10 @@ class TargetBelief:
         """Take in what an action returned of the class."""
         T = reading.T_world_probe
         self._is_sensed |= self._cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
-        if self.hilbert_map is not None:
+        if self.tumour_map is not None:
             assert reading.is_target is not None
             self.readings.append(LabelledPoints(reading.points_m, reading.is_target))
-            self.hilbert_map.update(reading.points_m, reading.is_target)
+            self.tumour_map.update(reading.points_m, reading.is_target)
             self._predict()
         auprc = None
         if self.prediction is not None:
@@ -74,5 +73,5 @@ class TargetBelief:
         return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_target)
 
     def _predict(self) -> None:
-        if self.hilbert_map is not None:
-            self.prediction = self.hilbert_map.predict_lattice()
+        if self.tumour_map is not None:
+            self.prediction = self.tumour_map.predict_lattice()

@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
+from sim.episode.measures import SENSED_GOAL
 from sim.record.map_field import called_from
 from sim.record.run_record import RunRecord
 from sim.world.solids.solid import Solid
 
 from .components import Pieces, grid_around
 from .mapped_surface import Overlap, overlap, surface_gap, surface_of
-
-SENSED_TARGET = 0.95
-"""Share of a tumour's points from which it counts as sensed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -120,7 +118,7 @@ def _tumour(
         tumour=index + 1,
         is_found=None if pieces is None else bool(pieces.touches[:, index].any()),
         first_seen_step=_first(seen_share > 0),
-        sensed_step=_first(seen_share >= SENSED_TARGET),
+        sensed_step=_first(seen_share >= SENSED_GOAL),
         first_mapped_step=None,
         sensed_fraction=float(seen_share[-1]) if len(seen_share) else None,
         true_volume_m3=solid.volume_m3,

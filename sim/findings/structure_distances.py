@@ -13,7 +13,7 @@ from scipy.ndimage import generate_binary_structure, label
 from mapping import Prediction
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup
-from sim.record.map_volumes import THRESHOLD
+from sim.record.map_field import called_from
 from sim.world.anatomy.structures import Structure
 from sim.world.solids.solid import Solid
 
@@ -33,29 +33,39 @@ class _Body:
     volume_m3: float
 
 
-def distance_rows(episode: Episode) -> list[dict[str, Any]]:
+def distance_rows(episode: Episode, prior_prevalence: float) -> list[dict[str, Any]]:
     """A row for each structure and tumour: `mapped` ones, the largest first, and `true` ones.
 
-    A mapped tumour is a connected piece of the lattice where the probability is above one half, and its distance that
-    of its nearest point; so it is known to half a step of the lattice. Where a second class is mapped, its bodies have
-    rows too, which leave the column `tumour` empty and fill `target` and `target_name` in its place.
+    A mapped tumour is a connected piece of the lattice that the map calls tumour, by the rule of the findings
+    (`called_from`). Its distance is that of its nearest point, so it is known to half a step of the lattice. Where a
+    second class is mapped, its bodies have rows too, which leave the column `tumour` empty and fill `target` and
+    `target_name` in its place.
+
+    Args:
+        episode: After its last step.
+        prior_prevalence: Share of the organ that the map expected to be tumour before anything was sensed.
     """
     setup, target = episode.setup, episode.target
     if not setup.structures:
         return []
     no_target = {} if target is None else {"target": None, "target_name": None}
-    tumours = _bodies(setup, episode.prediction, episode.truth.anatomy.tumours)
+    threshold = called_from(prior_prevalence)
+    tumours = _bodies(setup, threshold, episode.prediction, episode.truth.anatomy.tumours)
     bodies = [(each, {"tumour": each.kind, **no_target}) for each in tumours]
     if target is not None:
         named = {"tumour": None, "target": None, "target_name": target.name}
-        targets = _bodies(setup, target.prediction, target.truth.anatomy.tumours)
+        targets = _bodies(setup, threshold, target.prediction, target.truth.anatomy.tumours)
         bodies += [(each, named | {"target": each.kind}) for each in targets]
     return [_row(structure, body, classes) for structure in setup.structures for body, classes in bodies]
 
 
-def _bodies(setup: Setup, prediction: Prediction | None, true: Sequence[Solid]) -> list[_Body]:
+def _bodies(
+    setup: Setup, threshold: float, prediction: Prediction | None, true: Sequence[Solid]
+) -> list[_Body]:
     """The bodies of a class, the mapped ones first."""
-    mapped = [_Body("mapped", i, *each) for i, each in enumerate(_mapped(setup, prediction), start=1)]
+    mapped = [
+        _Body("mapped", i, *each) for i, each in enumerate(_mapped(setup, threshold, prediction), start=1)
+    ]
     return mapped + [
         _Body("true", i, each.vertices_m, each.volume_m3) for i, each in enumerate(true, start=1)
     ]
@@ -72,12 +82,14 @@ def _row(structure: Structure, body: _Body, classes: dict[str, str | None]) -> d
     }
 
 
-def _mapped(setup: Setup, prediction: Prediction | None) -> list[tuple[NDArray[np.float64], float]]:
+def _mapped(
+    setup: Setup, threshold: float, prediction: Prediction | None
+) -> list[tuple[NDArray[np.float64], float]]:
     """Points [m] and volume [m^3] of each body of a map, the largest first."""
     if prediction is None:
         return []
     is_likely = np.zeros(setup.query.n_points, dtype=bool)
-    is_likely[setup.is_inside] = prediction.probability > THRESHOLD
+    is_likely[setup.is_inside] = prediction.probability > threshold
     pieces = np.empty(setup.query.shape, dtype=np.int32)
     label(is_likely.reshape(setup.query.shape), structure=generate_binary_structure(3, 3), output=pieces)
     sizes = np.bincount(pieces.ravel())

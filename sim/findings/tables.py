@@ -5,15 +5,13 @@ A second class has targets.csv and target_false_findings.csv, of the same column
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mapping.storage import replacing
-from sim.record.run_folder import table_cell
+from sim.tables import write_csv
 
 from .findings import FalseFinding, Findings, TumourFinding
 
@@ -23,18 +21,13 @@ TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"
 
 def write_finding_tables(folder: Path, findings: Findings) -> None:
     """Write both tables of each class to a run's folder, and findings.json."""
-    _write(folder / TUMOURS, [tumour_row(each) for each in findings.tumours], tumour_row(None))
-    _write(folder / FALSE_FINDINGS, [false_row(each) for each in findings.false], false_row(None))
+    write_csv(folder / TUMOURS, map(tumour_row, findings.tumours), list(tumour_row(None)))
+    write_csv(folder / FALSE_FINDINGS, map(false_row, findings.false), list(false_row(None)))
     if findings.target is not None:
-        bodies, false = findings.target.tumours, findings.target.false
-        _write(
-            folder / TARGETS, [_of_target(tumour_row(each)) for each in bodies], _of_target(tumour_row(None))
-        )
-        _write(
-            folder / FALSE_TARGETS,
-            [_of_target(false_row(each)) for each in false],
-            _of_target(false_row(None)),
-        )
+        bodies = [_of_target(tumour_row(each)) for each in findings.target.tumours]
+        false = [_of_target(false_row(each)) for each in findings.target.false]
+        write_csv(folder / TARGETS, bodies, list(_of_target(tumour_row(None))))
+        write_csv(folder / FALSE_TARGETS, false, list(_of_target(false_row(None))))
     with replacing(folder / FINDINGS) as file:
         file.write((json.dumps(finding_summary(findings), indent=2, allow_nan=False) + "\n").encode())
 
@@ -95,12 +88,3 @@ def _place(name: str, point_m: Sequence[float] | Any) -> dict[str, Any]:
     return {
         f"{name}_{axis}_m": None if point_m is None else float(point_m[i]) for i, axis in enumerate("xyz")
     }
-
-
-def _write(path: Path, rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Any]) -> None:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(columns), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({key: table_cell(value) for key, value in row.items()} for row in rows)
-    with replacing(path) as file:
-        file.write(text.getvalue().encode())

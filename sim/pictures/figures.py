@@ -14,6 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+from sim.episode.measures import SENSED_GOAL
+
 BLUE = "#0072B2"
 VERMILION = "#D55E00"
 PURPLE = "#CC79A7"
@@ -25,8 +27,6 @@ DPI = 150
 """Dots per inch of every figure."""
 Margins = tuple[float, float, float, float]
 """Room left, right, below and above a pair of axes [inch]."""
-SENSED_TARGET = 0.95
-"""Share of the tumour volume at which the paper counts the tumours as detected."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,10 +197,10 @@ def _draw_target_ranking(axes: Axes, target: TargetCurves) -> None:
 
 
 def _draw_goal(axes: Axes) -> None:
-    axes.axhline(SENSED_TARGET, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.0)
+    axes.axhline(SENSED_GOAL, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.0)
     axes.annotate(
-        f"{SENSED_TARGET:.0%} sensed",
-        (0, SENSED_TARGET),
+        f"{SENSED_GOAL:.0%} sensed",
+        (0, SENSED_GOAL),
         xytext=(6, -4),
         textcoords="offset points",
         va="top",

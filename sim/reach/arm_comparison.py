@@ -1,8 +1,7 @@
-"""The program behind `sounding reach --arm A B ...`: several arms on one workspace, in one table."""
+"""Several arms on one workspace, in one table."""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -10,14 +9,18 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from sim.cli.arm_options import ReachOptions
+from sim.episode.scenario import Scenario
+from sim.notices import Notify, print_notice
 from sim.record.locked_folder import check_out_folder
 from sim.record.run_folder import RunFolder
+from sim.tables import markdown_table, write_csv
+from sim.world.scene.arm import ArmModel
 from sim.world.scene.named_arms import NAMED_ARMS
 
+from .base_grid import Stand
 from .figures import draw_arms
-from .study import ArmStudy, arm_of, study_arm
-from .tables import check_parquet, csv_text
+from .study import ArmStudy, StudySettings, study_arm
+from .tables import check_parquet
 from .workcell import build_workcell
 
 COLUMNS = {
@@ -36,32 +39,45 @@ COLUMNS = {
 """Columns of the table of arms: their names in arms.csv, and in arms.md and the terminal."""
 
 
-def run_comparison(options: ReachOptions) -> dict[str, Any]:
+def compare_arms(
+    scenario: Scenario,
+    arms: Mapping[str, ArmModel],
+    out: Path | str,
+    settings: StudySettings | None = None,
+    *,
+    notify: Notify = print_notice,
+) -> dict[str, Any]:
     """Study several arms on one workspace, each into a folder of its own; returns the summary with the table.
 
+    Args:
+        scenario: The case.
+        arms: The arms where they stand, by the names of their folders.
+        out: The folder that holds them.
+        settings: How each is studied.
+        notify: Tells a notice; on stderr by default.
+
     Raises:
-        UsageError, WorldError: Something asked for cannot be done; nothing was written then.
+        UsageError, WorldError: Something cannot be done; nothing was written then.
     """
-    start_s = perf_counter()
-    scenario, names = options.make_scenario(), folder_names(options.arm)
-    out = options.out_folder(scenario)
-    for folder in (out, *(out / name for name in names)):
-        check_out_folder(folder, overwrite=options.overwrite)
-    if options.parquet:
+    start_s, out = perf_counter(), Path(out)
+    settings = settings or StudySettings()
+    for folder in (out, *(out / name for name in arms)):
+        check_out_folder(folder, overwrite=settings.overwrite)
+    if settings.writes_parquet:
         check_parquet()
-    arms = [arm_of(options, index) for index in range(len(names))]
     with threadpool_limits(limits=1):
-        workcell = build_workcell(scenario, arms[0])
-        workcells = [workcell, *(workcell.with_arm(arm) for arm in arms[1:])]
-        with RunFolder(out, overwrite=options.overwrite) as folder:
-            folder.begin({"options": dataclasses.asdict(options)}, {"seed": options.seed})
+        first, *others = arms.values()
+        workcell = build_workcell(scenario, first)
+        workcells = [workcell, *(workcell.with_arm(arm) for arm in others)]
+        with RunFolder(out, overwrite=settings.overwrite) as folder:
+            folder.begin({"options": dict(settings.options)}, {"seed": settings.seed})
             studies = [
-                study_arm(workcell, options, name, out / name)
-                for workcell, name in zip(workcells, names, strict=True)
+                study_arm(workcell, settings, name, out / name, notify)
+                for workcell, name in zip(workcells, arms, strict=True)
             ]
             rows = [comparison_row(study) for study in studies]
-            folder.write_text("arms.csv", csv_text(rows))
-            folder.write_text("arms.md", markdown_table(rows))
+            write_csv(folder.path / "arms.csv", rows)
+            folder.write_text("arms.md", arms_table(rows))
             draw_arms(out / "arms.png", [(s.name, s.workcell, s.study) for s in studies])
             summary = {
                 "scenario": scenario.name,
@@ -72,7 +88,7 @@ def run_comparison(options: ReachOptions) -> dict[str, Any]:
             }
             folder.write_json("summary.json", summary)
             folder.finish("finished")
-    return summary | {"table": markdown_table(rows)}
+    return summary | {"table": arms_table(rows)}
 
 
 def folder_names(arms: Sequence[str]) -> list[str]:
@@ -92,22 +108,18 @@ def comparison_row(study: ArmStudy) -> dict[str, Any]:
     row = {name: summary.get(name, found.get(name)) for name in COLUMNS}
     missed = [name for name in summary["reasons"] if name != "reached"]
     row["main_reason"] = missed[0].replace("_", " ") if missed else ""
-    return row | {"best_base": found.get("best_options", "")}
+    best = found.get("best_base")
+    return row | {"best_base": "" if best is None else Stand.from_millimetres(best).label}
 
 
-def markdown_table(rows: Sequence[Mapping[str, Any]]) -> str:
+def arms_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """The rows as a Markdown table; columns that no arm has a value in are left out."""
     names = [name for name in COLUMNS if any(row[name] not in (None, "") for row in rows)]
-    cells = [[COLUMNS[name] for name in names], *([_cell(name, row[name]) for name in names] for row in rows)]
-    widths = [max(len(line[i]) for line in cells) for i in range(len(names))]
-    lines = [
-        "| " + " | ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)) + " |"
-        for line in cells
-    ]
-    lines.insert(1, "|" + "|".join("-" * (width + 2) for width in widths) + "|")
+    cells = [[_cell(name, row[name]) for name in names] for row in rows]
+    table = markdown_table([COLUMNS[name] for name in names], cells)
     bases = [f"{row['arm']}: {row['best_base']}" for row in rows if row["best_base"]]
     tail = "\n\nBest bases:\n\n" + "\n".join(f"- {base}" for base in bases) if bases else ""
-    return "\n".join(lines) + tail + "\n"
+    return table + tail + "\n"
 
 
 def _cell(name: str, value: Any) -> str:

@@ -43,9 +43,7 @@ def draw_bases(path: Path, workcell: Workcell, found: BaseSearch, question: Base
     axes.autoscale_view()
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, frameon=False, fontsize=9)
     best, present = (getattr(candidate, measure) for candidate in (found.best, found.candidates[0]))
-    title = (
-        f"{what}: {best:.1%} from the best base, {present:.1%} from the present\n{found.best.stand.options}"
-    )
+    title = f"{what}: {best:.1%} from the best base, {present:.1%} from the present\n{found.best.stand.label}"
     axes.set_title(title, loc="left", fontsize=11, color=INK, pad=10)
     bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=axes, fraction=0.035, pad=0.03)
     bar.set_label(f"{what.lower()}, best over heights", color=INK, fontsize=9)

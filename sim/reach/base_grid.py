@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,11 +53,22 @@ class Stand(NamedTuple):
         x_m, y_m, z_m = (round(float(value), 4) for value in self[:3])
         return Stand(x_m, y_m, z_m, float(np.deg2rad((yaw_deg + 180.0) % 360.0 - 180.0)))
 
+    def in_millimetres(self) -> dict[str, Any]:
+        """The place of the base as an arm's options have it: `base_mm` [mm] and `base_yaw_deg` [degrees]."""
+        place_mm = [round(value * 1e3, 1) + 0.0 for value in self[:3]]
+        return {"base_mm": place_mm, "base_yaw_deg": round(float(np.rad2deg(self.yaw_rad)), 1) + 0.0}
+
+    @classmethod
+    def from_millimetres(cls, place: Mapping[str, Any]) -> Stand:
+        """The stand that `in_millimetres` tells."""
+        x_m, y_m, z_m = (value * 1e-3 for value in place["base_mm"])
+        return cls(x_m, y_m, z_m, float(np.deg2rad(place["base_yaw_deg"])))
+
     @property
-    def options(self) -> str:
-        """What to type to put an arm there."""
-        x_mm, y_mm, z_mm = (f"{round(value * 1e3, 1) + 0.0:g}" for value in self[:3])
-        return f"--base-mm {x_mm} {y_mm} {z_mm} --base-yaw-deg {round(float(np.rad2deg(self.yaw_rad)), 1) + 0.0:g}"
+    def label(self) -> str:
+        """The place in words."""
+        x_mm, y_mm, z_mm = (f"{value:g}" for value in self.in_millimetres()["base_mm"])
+        return f"base at {x_mm}, {y_mm}, {z_mm} mm, yaw {self.in_millimetres()['base_yaw_deg']:g} degrees"
 
 
 @dataclass(frozen=True, eq=False)

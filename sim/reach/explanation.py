@@ -1,24 +1,20 @@
-"""The program behind `sounding ik`: one sensing pose, explained."""
+"""One sensing pose, explained."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from sim.cli.arm_options import METRES_MM, IkOptions
-from sim.episode.scenario import load_scenario
 from sim.world.ik.result import IkResult
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
-from sim.world.scene.arm import ArmModel
 from sim.world.scene.clearance import FAR_M
 from sim.world.scene.clearance_meter import Clearances
-from sim.world.scene.named_arms import arm_named
 
-from .workcell import Workcell, build_workcell
+from .workcell import Workcell
 
 ON_SURFACE_M = 1e-3
 """A position this close to the organ's surface is said to lie on it."""
@@ -33,32 +29,33 @@ class Explanation:
     """Lines for a terminal."""
 
 
-def explain_pose(options: IkOptions) -> Explanation:
+def explain_pose(
+    workcell: Workcell, position_m: ArrayLike, normal: ArrayLike, *, standoff_m: float
+) -> Explanation:
     """Solve a pose and say everything that a person needs to understand the answer.
 
-    Raises:
-        UsageError, WorldError: Something asked for cannot be done.
+    Args:
+        workcell: The organ before the arm.
+        position_m: Where the probe's tip shall touch, world frame [m], shape (3,).
+        normal: Direction of the beam, into the organ, of any length but zero, shape (3,).
+        standoff_m: The pose is approached from this far above it [m]; 0 solves for the pose only.
     """
     with threadpool_limits(limits=1):
-        workcell = build_workcell(load_scenario(options.scenario), _arm(options))
-        return explain_in(workcell, options)
+        return _explain(
+            workcell, np.asarray(position_m, dtype=np.float64), np.array(normal, dtype=np.float64), standoff_m
+        )
 
 
-def _arm(options: IkOptions) -> ArmModel:
-    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
-
-
-def explain_in(workcell: Workcell, options: IkOptions) -> Explanation:
-    """As `explain_pose`, in a workcell that stands already: scenario and arm of the options are not looked at."""
-    position_m = np.array(options.position_mm) * 1e-3
-    normal = np.array(options.normal, dtype=np.float64)
-    normal /= np.linalg.norm(normal)
-    search = workcell.make_search(IkSettings(standoff_m=options.standoff_mm * 1e-3))
+def _explain(
+    workcell: Workcell, position_m: NDArray[np.float64], normal: NDArray[np.float64], standoff_m: float
+) -> Explanation:
+    normal = normal / np.linalg.norm(normal)
+    search = workcell.make_search(IkSettings(standoff_m=standoff_m))
     answers = search.search(position_m[None], normal[None])
     result = answers.results[0]
     clearances = search.meter.measure(np.stack([result.q, result.q_standoff]))
     lines = [
-        *_pose_lines(options, workcell, position_m, normal),
+        *_pose_lines(workcell, position_m, normal),
         f"answer           {'reached' if result.is_reached else 'not reached'}: {result.explain()}",
     ]
     if result.n_iterations == 0:  # decided without a search: no joints are worth showing
@@ -67,7 +64,7 @@ def explain_in(workcell: Workcell, options: IkOptions) -> Explanation:
     lines.append(f"beam error       {np.rad2deg(result.angle_error_rad):.3f} degrees")
     if result.is_reached:
         lines.append(f"clearance        {_clearance(workcell, clearances, 0)} at the pose")
-        if options.standoff_mm > 0:
+        if standoff_m > 0:
             lines.append(f"                 {_clearance(workcell, clearances, 1)} at the stand-off")
         lines.append(f"answers          {answers.n_solutions[0]} distinct among the first starts")
     lines.append(f"effort           {result.n_restarts + 1} starts, {result.n_iterations} steps")
@@ -75,17 +72,14 @@ def explain_in(workcell: Workcell, options: IkOptions) -> Explanation:
 
 
 def _pose_lines(
-    options: IkOptions, workcell: Workcell, position_m: NDArray[np.float64], normal: NDArray[np.float64]
+    workcell: Workcell, position_m: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> list[str]:
     """The pose itself, and where it lies relative to the organ."""
-    x, y, z = options.position_mm
-    lines = [
+    x, y, z = position_m * 1e3
+    return [
         f"position         {x:.1f} {y:.1f} {z:.1f} mm, {_place(workcell, position_m)}",
         f"beam             {normal[0]:+.3f} {normal[1]:+.3f} {normal[2]:+.3f}",
     ]
-    if 0.0 < max(abs(value) for value in options.position_mm) < METRES_MM:
-        lines.append("note             the position is in millimetres; was it given in metres?")
-    return lines
 
 
 def _place(workcell: Workcell, position_m: NDArray[np.float64]) -> str:

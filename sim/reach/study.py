@@ -1,9 +1,9 @@
-"""The program behind `sounding reach`: a reachability study with its folder, tables and figures."""
+"""A reachability study of an arm, with its folder, tables and figures."""
 
 from __future__ import annotations
 
 import dataclasses
-import sys
+from collections.abc import Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,16 +12,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from sim.cli.arm_options import ReachOptions
+from sim.episode.scenario import Scenario
+from sim.episode.scenario_file import load_scenario, scenario_record
+from sim.notices import Notify, print_notice
 from sim.record.locked_folder import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
 from sim.world.scene.arm import ArmModel
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 
 from .base_figures import draw_bases
+from .base_grid import Stand
 from .base_search import BaseQuestion, BaseSearch, search_base
 from .figures import draw_reach, draw_reasons
 from .reachability import ReachStudy, reached_fraction, study_reach
@@ -42,55 +45,87 @@ class ArmStudy:
     summary: dict[str, Any]
 
 
-def run_reach(options: ReachOptions) -> dict[str, Any]:
-    """Run a study of an arm and write its folder; returns the summary.
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StudySettings:
+    """How an arm is studied."""
+
+    max_tilt_rad: float = 0.0
+    """Poses that are not reached are tried again with the beam tilted off the normal by up to this [rad]."""
+    max_restarts: int = 40
+    """Further starts before a pose is called unreachable."""
+    seed: int = 0
+    """Of the set of starts, and of the search for a base."""
+    n_jobs: int = 2
+    """Processes that share the poses; the answers do not depend on it."""
+    base: BaseQuestion | None = None
+    """Search also where the base should stand; None for no search."""
+    writes_parquet: bool = False
+    """Write reach.parquet beside reach.csv."""
+    overwrite: bool = False
+    """Replace a study that the folder already holds."""
+    options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    """What config.json keeps of the call, as plain data."""
+
+
+def reach_study(
+    scenario: Scenario | str,
+    arm: ArmModel | str,
+    out: Path | str,
+    settings: StudySettings | None = None,
+    *,
+    name: str | None = None,
+    notify: Notify = print_notice,
+    **changes: Any,
+) -> dict[str, Any]:
+    """Study which sensing poses of a scenario an arm reaches, and write the folder of it; returns the summary.
+
+    Args:
+        scenario: The case, or what names it.
+        arm: The arm where it stands, or what names it.
+        out: The folder.
+        settings: How it is studied.
+        name: What to call the arm; by default what names it, or its file.
+        notify: Tells a notice; on stderr by default.
+        changes: Fields of `StudySettings` by name, in place of those of `settings`.
 
     Raises:
-        UsageError, WorldError: Something asked for cannot be done; nothing was written then.
+        UsageError, WorldError: Something cannot be done; nothing was written then.
     """
-    scenario = options.make_scenario()
-    out = options.out_folder(scenario)
-    check_out_folder(out, overwrite=options.overwrite)
-    if options.parquet:
+    settings = dataclasses.replace(settings or StudySettings(), **changes)
+    check_out_folder(Path(out), overwrite=settings.overwrite)
+    if settings.writes_parquet:
         check_parquet()
-    arm = arm_of(options, 0)
+    case = load_scenario(scenario) if isinstance(scenario, str) else scenario
+    model = named_arm(arm) if isinstance(arm, str) else arm
+    called = name or (arm if isinstance(arm, str) else model.path.stem)
     with threadpool_limits(limits=1):  # two BLAS pools on two threads fight
-        return study_arm(build_workcell(scenario, arm), options, options.arm[0], out).summary
+        return study_arm(build_workcell(case, model), settings, called, Path(out), notify).summary
 
 
-def arm_of(options: ReachOptions, index: int) -> ArmModel:
-    """One of the arms that the options name."""
-    return arm_named(
-        options.arm[index],
-        options.flange_of(index),
-        base_mm=options.base_mm,
-        base_yaw_deg=options.base_yaw_deg,
-    )
-
-
-def study_arm(workcell: Workcell, options: ReachOptions, name: str, out: Path) -> ArmStudy:
+def study_arm(
+    workcell: Workcell, settings: StudySettings, name: str, out: Path, notify: Notify = print_notice
+) -> ArmStudy:
     """Study the arm of a workcell and write the folder of it."""
     start_s = perf_counter()
-    search = workcell.make_search(IkSettings(max_restarts=options.restarts, start_seed=options.seed))
-    with RunFolder(out, overwrite=options.overwrite) as folder:
-        folder.begin(_config(options, workcell), {"seed": options.seed})
+    search = workcell.make_search(IkSettings(max_restarts=settings.max_restarts, start_seed=settings.seed))
+    with RunFolder(out, overwrite=settings.overwrite) as folder:
+        folder.begin(_config(settings, workcell), {"seed": settings.seed})
         for notice in workcell.notices:
-            print(f"note: {notice}", file=sys.stderr)
+            notify(notice)
         study = study_reach(
             search,
             workcell.workspace,
-            max_tilt_rad=np.deg2rad(options.tilt_deg),
-            n_jobs=options.jobs,
+            max_tilt_rad=settings.max_tilt_rad,
+            n_jobs=settings.n_jobs,
             show_progress=True,
         )
         if not study.is_reached.any():
-            print(f"note: no pose is reached. {_why_nothing(workcell, study)}", file=sys.stderr)
-        _write_study(study, workcell, search, options, folder)
-        summary = _summary(study, workcell, search, options, name)
-        if options.base_search:
-            summary["base_search"] = _search_base(
-                workcell, search, options, folder, float(study.is_reached.mean())
-            )
+            notify(f"no pose is reached. {_why_nothing(workcell, study)}")
+        _write_study(study, workcell, search, folder, writes_parquet=settings.writes_parquet)
+        summary = _summary(study, workcell, search, settings, name)
+        if settings.base is not None:
+            present_fraction = float(study.is_reached.mean())
+            summary["base_search"] = _search_base(workcell, search, settings.base, folder, present_fraction)
         summary |= {"folder": str(out), "status": "finished", "wall_s": perf_counter() - start_s}
         folder.write_json("summary.json", summary)
         folder.finish("finished")
@@ -98,53 +133,43 @@ def study_arm(workcell: Workcell, options: ReachOptions, name: str, out: Path) -
 
 
 def _write_study(
-    study: ReachStudy, workcell: Workcell, search: IkSearch, options: ReachOptions, folder: RunFolder
+    study: ReachStudy, workcell: Workcell, search: IkSearch, folder: RunFolder, *, writes_parquet: bool
 ) -> None:
     """Write the study's tables and figures."""
     rows = study_rows(study, workcell, search.chain)
     for row in rows:
         folder.append_row("reach.csv", row)
-    if options.parquet:
+    if writes_parquet:
         write_parquet(folder.path / "reach.parquet", rows)
     draw_reach(folder.path / "reach.png", workcell.placed.organ, workcell.workspace, study)
     draw_reasons(folder.path / "reasons.png", study)
 
 
 def _summary(
-    study: ReachStudy, workcell: Workcell, search: IkSearch, options: ReachOptions, name: str
+    study: ReachStudy, workcell: Workcell, search: IkSearch, settings: StudySettings, name: str
 ) -> dict[str, Any]:
     return {
         "scenario": workcell.scenario.name,
         "arm": name,
-        "seed": options.seed,
-        "jobs": options.jobs,
+        "seed": settings.seed,
+        "jobs": settings.n_jobs,
         "n_joints": search.chain.n_joints,
-        "base_mm": list(options.base_mm),
-        "base_yaw_deg": options.base_yaw_deg,
+        **Stand.of_frame(workcell.scene.T_world_base).rounded().in_millimetres(),
         **study_summary(study),
     }
 
 
 def _search_base(
-    workcell: Workcell, search: IkSearch, options: ReachOptions, folder: RunFolder, present_fraction: float
+    workcell: Workcell, search: IkSearch, question: BaseQuestion, folder: RunFolder, present_fraction: float
 ) -> dict[str, Any]:
     """Search the best place of the base, write its table and map, and ask that place for the whole workspace."""
-    low_mm, high_mm = options.base_height_mm
-    question = BaseQuestion(
-        n_bases=options.base_search,
-        n_poses=options.base_poses,
-        height_m=(low_mm * 1e-3, high_mm * 1e-3),
-        objective=options.base_objective,
-        seed=options.seed,
-        n_jobs=options.jobs,
-    )
-    with tqdm(total=options.base_search, desc="bases", unit="base") as progress:
+    with tqdm(total=question.n_bases, desc="bases", unit="base") as progress:
         found: BaseSearch = search_base(workcell, search, question, on_progress=progress.update)
     found, best_reached_fraction = _decided(found, question, workcell, search, present_fraction)
     for row in base_rows(found):
         folder.append_row("bases.csv", row)
     draw_bases(folder.path / "bases.png", workcell, found, question)
-    return {"objective": options.base_objective} | base_summary(
+    return {"objective": question.objective} | base_summary(
         found, best_reached_fraction=best_reached_fraction
     )
 
@@ -179,14 +204,14 @@ def _why_nothing(workcell: Workcell, study: ReachStudy) -> str:
     size_m = float((high_m - low_m).max())
     return (
         f"The organ's middle is {away_m:.2f} m from the arm's base, and the organ is {size_m * 1e3:.0f} mm long; "
-        "is its place in metres and its --unit right?"
+        "is its place in metres and its `unit` right?"
     )
 
 
-def _config(options: ReachOptions, workcell: Workcell) -> dict[str, Any]:
+def _config(settings: StudySettings, workcell: Workcell) -> dict[str, Any]:
     return {
-        "options": dataclasses.asdict(options),
-        "scenario": dataclasses.asdict(workcell.scenario),
+        "options": dict(settings.options),
+        "scenario": scenario_record(workcell.scenario),
         "T_world_organ": workcell.placed.T_world_organ,
         "T_world_base": workcell.scene.T_world_base,
         "n_poses": workcell.workspace.n_poses,

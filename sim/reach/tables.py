@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +109,7 @@ def base_summary(found: BaseSearch, *, best_reached_fraction: float) -> Row:
         "n_bases": len(found.asked),
         "n_blocked": len(found.candidates) - len(found.asked),
         "n_poses": found.n_poses,
-        "best_options": best.stand.options,
+        "best_base": best.stand.in_millimetres(),
         "best_stage": best.stage,
         **{f"best_{name}": value for name, value in best.stand._asdict().items()},
         "best_reached_fraction": best_reached_fraction,
@@ -123,15 +120,6 @@ def base_summary(found: BaseSearch, *, best_reached_fraction: float) -> Row:
         },
         "search_s": found.search_s,
     }
-
-
-def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows of one set of columns as CSV."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def check_parquet() -> None:
@@ -160,7 +148,7 @@ def _parquet_modules() -> tuple[Any, Any]:
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise UsageError("--parquet needs pyarrow: pip install 'sounding[parquet]'.") from error
+        raise UsageError("`parquet` needs pyarrow: pip install 'sounding[parquet]'.") from error
     return pyarrow, parquet
 
 

@@ -21,13 +21,13 @@ def check_out_folder(path: Path, *, overwrite: bool) -> None:
         UsageError: The path is a file, is not writable, or holds a run and `overwrite` is not set.
     """
     if path.exists() and not path.is_dir():
-        raise UsageError(f"{path}: is a file, not a folder. Choose another --out.")
+        raise UsageError(f"{path}: is a file, not a folder. Choose another `out`.")
     existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
     if not os.access(existing, os.W_OK | os.X_OK):
-        raise UsageError(f"{path}: cannot write there (no permission in {existing}). Choose another --out.")
+        raise UsageError(f"{path}: cannot write there (no permission in {existing}). Choose another `out`.")
     if (path / MANIFEST).exists() and not overwrite:
         raise UsageError(
-            f"{path}: already holds a run. Choose another --out, or add --overwrite to replace it."
+            f"{path}: already holds a run. Choose another `out`, or add `overwrite` to replace it."
         )
 
 
@@ -52,13 +52,13 @@ class LockedFolder(Closeable):
             self._lock = (path / LOCK).open("w")
         except OSError as error:
             raise UsageError(
-                f"{path}: cannot write there ({error.strerror}). Choose another --out."
+                f"{path}: cannot write there ({error.strerror}). Choose another `out`."
             ) from error
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             self._lock.close()
-            raise UsageError(f"{path}: another {what} is writing there. Choose another --out.") from error
+            raise UsageError(f"{path}: another {what} is writing there. Choose another `out`.") from error
 
     def close(self) -> None:
         """Let the folder go."""

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mapping.storage import replacing
 from sim.errors import UsageError
-
-from .run_folder import read_rows
+from sim.tables import read_rows
 
 POSES_CSV, POSES_JSON = "poses.csv", "poses.json"
 FRAMES = {

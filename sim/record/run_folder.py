@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import platform
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_info
 
 from mapping.storage import replacing
+from sim.tables import CsvTable
 
 from .locked_folder import LOCK, MANIFEST, LockedFolder
 
@@ -65,7 +65,7 @@ class RunFolder(LockedFolder):
             UsageError: The folder holds a run already, belongs to a running process, or cannot be written.
         """
         super().__init__(path, what="run", overwrite=overwrite)
-        self._tables: dict[str, tuple[io.TextIOWrapper, Any]] = {}
+        self._tables: dict[str, tuple[io.TextIOWrapper, CsvTable]] = {}
         self._manifest: dict[str, Any] = {}
         self._remove_old_run()
 
@@ -84,11 +84,9 @@ class RunFolder(LockedFolder):
         """Append a row to a CSV file, safe from the process's end on. The first row fixes the columns."""
         if name not in self._tables:
             file = (self.path / name).open("w", newline="", encoding="utf-8")
-            writer = csv.DictWriter(file, fieldnames=list(row), lineterminator="\n")
-            writer.writeheader()
-            self._tables[name] = (file, writer)
-        file, writer = self._tables[name]
-        writer.writerow({key: table_cell(value) for key, value in row.items()})
+            self._tables[name] = (file, CsvTable(file, list(row)))
+        file, table = self._tables[name]
+        table.append(row)
         file.flush()
 
     def write_json(self, name: str, content: Mapping[str, Any]) -> None:
@@ -167,17 +165,6 @@ def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def table_cell(value: Any) -> Any:
-    """Text of a table's cell: floats with all their digits, None empty, truth as 0 or 1, lists as JSON."""
-    if isinstance(value, bool | np.bool_):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return repr(float(value))
-    if isinstance(value, list | dict):
-        return json.dumps(value)
-    return "" if value is None else value
-
-
 def _plain(value: Any) -> Any:
     """JSON form of what json does not know."""
     if isinstance(value, np.generic):
@@ -187,11 +174,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"{type(value).__name__} has no JSON form")
-
-
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """The whole rows of a CSV file, none where it is missing; a last one that a kill cut short is left out."""
-    if not path.is_file():
-        return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return [row for row in csv.DictReader(file) if None not in row.values() and None not in row]

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from planner import Cone
 from sim.errors import UsageError
+from sim.tables import read_rows
 from sim.world.anatomy.anatomy import Anatomy
 
 from .locked_folder import MANIFEST
 from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
 from .poses import read_poses
-from .run_folder import read_rows
 from .trajectories import ANATOMY, read_anatomy
 
 Rows = list[dict[str, str]]

@@ -1,8 +1,7 @@
-"""The files of a run: its configuration, what each step adds to the tables, and the map."""
+"""What each step of an episode adds to the tables of its run's folder, and the map."""
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,31 +10,14 @@ from mapping import Prediction
 from planner import Workspace
 from planner.acquisition import expected_improvement
 from sim.episode.episode import Episode, Step
+from sim.episode.measures import ACTION_SECONDS
 from sim.episode.setup import Setup
-from sim.running.options import EpisodeOptions
-from sim.running.summary import SECONDS
 
 from .map_history import write_history
 from .map_volumes import map_volumes, maps_in
 from .poses import POSES_CSV, pose_row
 from .run_folder import RunFolder
 from .trajectories import write_motion
-
-
-def run_config(options: EpisodeOptions, setup: Setup, map_settings: Any) -> dict[str, Any]:
-    """Everything needed to repeat the run: the options and what they stand for."""
-    return {
-        "options": dataclasses.asdict(options),
-        "scenario": dataclasses.asdict(setup.scenario),
-        "map": dataclasses.asdict(map_settings),
-        "insets": None if (insets := options.make_insets()) is None else dataclasses.asdict(insets),
-        "T_world_organ": setup.T_world_organ,
-        "T_input_world": np.linalg.inv(setup.T_world_organ),
-        "input_axes": "LPS [m]: +x left, +y back, +z head of the patient; NIfTI has RAS [mm]",
-        "n_poses": setup.workspace.n_poses,
-        "n_hinges": int(setup.hinge_mask.sum()),
-        "n_search_points": len(setup.search_points_m),
-    }
 
 
 def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
@@ -83,7 +65,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "tracking_error_rad": step.motion.tracking_error_rad,
         "contact_force_n": step.motion.contact_force_n,
         "peak_force_n": step.motion.peak_force_n,
-        **{name: getattr(step, name) for name in SECONDS},
+        **{name: getattr(step, name) for name in ACTION_SECONDS},
     }
 
 

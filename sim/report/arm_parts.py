@@ -7,7 +7,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from sim.viewing.replay import Recording, set_state
+from sim.record.recording import Recording, set_state
 from sim.world.scene.scene import Group
 
 from .mesh_thinning import thinned

@@ -11,13 +11,13 @@ import numpy as np
 from scipy.special import expit
 
 from mapping import average_precision, precision_recall_curve
+from sim.episode.measures import SENSED_GOAL
 from sim.findings.findings import Findings
 from sim.record.run_record import RunRecord
 
 from .charts import curve_chart, progress_chart, reliability, reliability_chart
 from .finding_rows import finding_rows
 
-SENSED_TARGET = 0.95
 ONE_OF_THREE, ONE_OF_FOUR = 150.0, 102.0
 """Heights of the charts beside the view, which all of them share."""
 STATUS = {
@@ -65,7 +65,7 @@ def _lede(record: RunRecord) -> str:
 def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]:
     """Names and values of what one wants to know first."""
     sensed, auprc = record.numbers("sensed_fraction"), record.numbers("auprc")
-    reached = np.flatnonzero(sensed >= SENSED_TARGET)
+    reached = np.flatnonzero(sensed >= SENSED_GOAL)
     figures = []
     if record.field is not None and findings.tumours:
         figures.append(("tumours found", f"{findings.n_found} of {len(findings.tumours)}"))
@@ -99,7 +99,7 @@ def _progress(record: RunRecord) -> list[dict[str, str]]:
     charts = [
         ("sensed", "Tumour sensed", "share of the tumours’ volume that lay in some cone",
          progress_chart("sensed", record.numbers("sensed_fraction"), colour="truth", y_top=1.0, is_percent=True,
-                        target=SENSED_TARGET, height=height,
+                        target=SENSED_GOAL, height=height,
                         label="Share of the tumours sensed over the sensing actions")),
         ("auprc", "AUPRC of the map", "area under the precision-recall curve",
          progress_chart("auprc", record.numbers("auprc"), colour="map", y_top=1.0, digits=3, height=height,

@@ -10,8 +10,8 @@ from sim.episode.scenario import PAPER_ORGAN
 from sim.errors import UsageError
 from sim.record.map_field import called_from
 from sim.record.map_history import LOG_ODDS_STEP, to_bytes
+from sim.record.recording import Recording, read_recording
 from sim.record.run_record import RunRecord
-from sim.viewing.replay import Recording, read_recording
 from sim.world.anatomy.structures import Structure
 from sim.world.errors import WorldError
 

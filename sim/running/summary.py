@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from mapping import MapMetrics
 from sim.episode.episode import Episode, Step
+from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
 from sim.episode.target_belief import TargetBelief
-
-from .options import EpisodeOptions
-
-SENSED_TARGET = 0.95
-"""The paper's measure of detection: this share of the tumours' points was sensed."""
-SECONDS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
-"""Columns of computing time, which no run repeats."""
 
 
 @dataclass
@@ -32,15 +27,15 @@ class Totals:
         """Count one more step."""
         self.steps.append(step)
         self.n_skipped_poses += len(step.skipped)
-        if self.sensings_to_95 is None and (step.sensed_fraction or 0.0) >= SENSED_TARGET:
+        if self.sensings_to_95 is None and (step.sensed_fraction or 0.0) >= SENSED_GOAL:
             self.sensings_to_95 = step.step
         target_share = 0.0 if step.target is None else step.target.sensed_fraction
-        if self.target_sensings_to_95 is None and target_share >= SENSED_TARGET:
+        if self.target_sensings_to_95 is None and target_share >= SENSED_GOAL:
             self.target_sensings_to_95 = step.step
 
     def seconds(self) -> dict[str, float]:
         """Time by part [s]."""
-        return {name: sum(getattr(step, name) for step in self.steps) for name in SECONDS}
+        return {name: sum(getattr(step, name) for step in self.steps) for name in ACTION_SECONDS}
 
     def motion(self) -> dict[str, float | None]:
         """Modelled time of the procedure and ways of joints and tip."""
@@ -54,16 +49,24 @@ class Totals:
 
 
 def episode_summary(
-    options: EpisodeOptions, episode: Episode, totals: Totals, metrics: MapMetrics | None
+    episode: Episode, totals: Totals, metrics: MapMetrics | None, *, seed: int, names: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """What an episode came to, as `summary.json` and the rows of trials have it."""
+    """The results of an episode, as `summary.json` and the rows of trials have them.
+
+    Args:
+        episode: After its last step.
+        totals: Of its steps.
+        metrics: Scores of its map; None without one.
+        seed: Of the episode.
+        names: What `planner` and `arm` are called.
+    """
     last = totals.steps[-1] if totals.steps else None
     tumour_of = episode.truth.anatomy.tumour_of(episode.setup.search_points_m)
     return {
         "scenario": episode.setup.scenario.name,
-        "planner": options.planner,
-        "arm": options.arm,
-        "seed": options.seed,
+        "planner": names["planner"],
+        "arm": names["arm"],
+        "seed": seed,
         "n_sensings": len(totals.steps),
         "sensings_to_95": totals.sensings_to_95,
         "sensed_fraction": None if last is None else last.sensed_fraction,

@@ -1,25 +1,31 @@
-"""The program behind `sounding export`: a run's map as NIfTI volumes over the patient's scan."""
+"""A run's map as NIfTI volumes over the patient's scan."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from mapping.storage import replacing
-from sim.cli.patient_options import ExportOptions
-from sim.record.map_volumes import map_volumes, read_maps
+from sim.record.map_volumes import THRESHOLD, map_volumes, read_maps
 
 
-def run_export(options: ExportOptions) -> str:
-    """Write the volumes; returns a text that says where they are.
+def export_map(folder: Path, out: Path | None = None, *, threshold: float = THRESHOLD) -> list[Path]:
+    """Write the volumes of a run's map; returns the files.
+
+    Args:
+        folder: The run's.
+        out: Folder to write to; the run's own by default.
+        threshold: Probability above which a point is labelled tumour, between 0 and 1.
 
     Raises:
         UsageError: The folder holds no map that can be read.
     """
-    maps, T_world_organ = read_maps(options.folder)
-    out = options.out or options.folder
+    maps, T_world_organ = read_maps(folder)
+    out = out or folder
     out.mkdir(parents=True, exist_ok=True)
-    lines = []
+    written = []
     for arrays in maps:
-        for name, content in map_volumes(arrays, T_world_organ, threshold=options.threshold).items():
+        for name, content in map_volumes(arrays, T_world_organ, threshold=threshold).items():
             with replacing(out / name) as file:
                 file.write(content)
-            lines.append(f"written {out / name}")
-    return "\n".join(lines)
+            written.append(out / name)
+    return written

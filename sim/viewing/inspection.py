@@ -1,20 +1,20 @@
-"""The program behind `sounding inspect`: what a patient's file holds, and what is wrong with it."""
+"""What a patient's files hold, and what is wrong with them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.cli.patient_options import InspectOptions
-from sim.world.anatomy.case_files import CaseFiles, LoadedAnatomy, load_anatomy
+from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy
+from sim.world.case_files import CaseFiles
 from sim.world.errors import WorldError
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
 from sim.world.volumes.files import is_volume, load_volume
 from sim.world.volumes.label_anatomy import box_of, count_pieces
-from sim.world.volumes.label_coding import LabelChoice
 from sim.world.volumes.volume import Volume
 
 from .inspection_figure import draw_inspection
@@ -23,7 +23,7 @@ MOST_LABELS = 30
 """Labels listed, the largest first."""
 N_DRAWS = 2000
 """Points drawn in a tumour for its middle and the share of it in the organ."""
-NO_TUMOURS = "tumours: none; --n-tumours N generates some"
+NO_TUMOURS = "tumours: none; `n_tumours` generates some"
 LEAST_INSIDE = 0.5
 """A tumour with less of it in the organ is refused by an episode."""
 
@@ -37,17 +37,21 @@ class Inspection:
     """Whether an episode would take the file as its organ."""
 
 
-def run_inspect(options: InspectOptions) -> Inspection:
-    """Look at a file and draw it.
+def inspect(files: CaseFiles, picture: Path) -> Inspection:
+    """Look at a patient's files and draw them.
+
+    Args:
+        files: The files; the organ's is looked at most closely.
+        picture: The PNG to draw.
 
     Raises:
-        WorldError: It cannot be read at all.
+        WorldError: The organ's file cannot be read at all.
     """
-    spacing_m = None if options.spacing_mm is None else _metres(options.spacing_mm)
-    volume = load_volume(options.file, spacing_m=spacing_m) if is_volume(options.file) else None
-    lines = [f"{options.file}"] + ([] if volume is None else _volume_lines(volume))
+    organ = Path(str(files.organ))
+    volume = load_volume(organ, spacing_m=files.spacing_m) if is_volume(organ) else None
+    lines = [f"{organ}"] + ([] if volume is None else _volume_lines(volume))
     try:
-        loaded = load_anatomy(_files(options, spacing_m), volume=volume)
+        loaded = load_anatomy(files, volume=volume)
     except WorldError as error:
         if volume is None:
             raise
@@ -59,36 +63,10 @@ def run_inspect(options: InspectOptions) -> Inspection:
     lines += ["", "What is remarkable:" if loaded.notices else "Nothing is remarkable."]
     lines += [f"- {notice}" for notice in loaded.notices]
     lines += ["", "Not usable as it is:", *(f"- {each}" for each in problems)] if problems else []
-    options.picture.parent.mkdir(parents=True, exist_ok=True)
-    draw_inspection(options.picture, loaded, title=options.file.name)
-    lines += ["", f"drawn to {options.picture}"]
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    draw_inspection(picture, loaded, title=organ.name)
+    lines += ["", f"drawn to {picture}"]
     return Inspection(text="\n".join(lines), is_usable=not problems)
-
-
-def _metres(lengths_mm: tuple[float, float, float]) -> tuple[float, float, float]:
-    x, y, z = (each * 1e-3 for each in lengths_mm)
-    return x, y, z
-
-
-def _files(options: InspectOptions, spacing_m: tuple[float, float, float] | None) -> CaseFiles:
-    return CaseFiles(
-        organ=str(options.file),
-        tumours=tuple(map(str, options.tumour)),
-        targets=tuple(map(str, options.target)),
-        structures=tuple(map(str, options.structure)),
-        keepouts=tuple(map(str, options.keepout)),
-        unit=options.unit,
-        frame=options.mesh_frame,
-        labels=LabelChoice(
-            coding=options.coding,
-            organ=options.organ_label,
-            tumours=options.tumour_label,
-            targets=options.target_label,
-            structures=options.structure_label,
-            keepouts=options.keepout_label,
-        ),
-        spacing_m=spacing_m,
-    )
 
 
 def _volume_lines(volume: Volume) -> list[str]:

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from sim.pictures.figures import INK, MUTED, save
-from sim.world.anatomy.case_files import LoadedAnatomy
+from sim.world.anatomy.loading import LoadedAnatomy
 from sim.world.solids.solid import Solid
 
 VIEWS = (

@@ -12,10 +12,9 @@ from skimage.measure import marching_cubes
 
 from sim.errors import UsageError
 from sim.record.map_field import MapField, called_from
+from sim.record.recording import Recording
 from sim.record.run_record import RunRecord
 from sim.world.solids.solid import Solid
-
-from .replay import Recording
 
 ORGAN, TRUTH, MAP, PROBE = (165, 138, 131, 60), (213, 94, 0, 160), (0, 114, 178, 255), (0, 158, 115, 255)
 SECOND, SECOND_MAP = (204, 121, 167, 160), (230, 159, 0, 255)
@@ -33,7 +32,7 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
     try:
         import rerun as rr  # pyright: ignore[reportMissingImports], an extra that need not be there
     except ImportError as error:
-        raise UsageError("--rerun needs Rerun: pip install 'sounding[rerun]'.") from error
+        raise UsageError("`rerun` needs Rerun: pip install 'sounding[rerun]'.") from error
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream("sounding", recording_id=record.folder.resolve().name)
     stream.save(str(path))

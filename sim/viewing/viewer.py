@@ -1,4 +1,4 @@
-"""The program behind `sounding view`: a run in MuJoCo's own viewer, played from its recorded states."""
+"""A run in MuJoCo's own viewer, played from its recorded states."""
 
 from __future__ import annotations
 
@@ -8,31 +8,11 @@ import time
 
 import mujoco
 
-from sim.cli.view_options import ViewOptions
 from sim.errors import UsageError
-from sim.record.run_record import load_run
+from sim.record.recording import Recording, set_state
 from sim.world.scene.scene import Group
 
-from .replay import Recording, read_recording, set_state
-
 FRAME_S = 1 / 60
-
-
-def run_view(options: ViewOptions) -> str:
-    """Show a run until the window is closed, or log it; returns what is to be printed.
-
-    Raises:
-        UsageError, WorldError: The run cannot be read, there is no display, or Rerun is not installed.
-    """
-    if options.rerun is not None:
-        from .rerun_log import write_rerun
-
-        n_actions = write_rerun(load_run(options.folder), read_recording(options.folder), options.rerun)
-        return f"wrote {n_actions} actions to {options.rerun}; rerun {options.rerun} shows them"
-    recording = read_recording(options.folder)
-    check_display()
-    play(recording, options.speed)
-    return "closed"
 
 
 def check_display() -> None:
@@ -46,12 +26,16 @@ def check_display() -> None:
     ):
         raise UsageError(
             "view: there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set). Open the run's report.html "
-            "in a browser, make a video with `sounding replay DIR --video FILE.mp4`, or log it with --rerun FILE.rrd."
+            "in a browser, make a video of it (`sounding replay`), or log it for Rerun (`rerun`)."
         )
 
 
 def play(recording: Recording, speed: float) -> None:
     """Play a run over and over until the window is closed.
+
+    Args:
+        recording: What happened.
+        speed: How many times faster than it happened.
 
     Raises:
         UsageError: The window cannot be opened.

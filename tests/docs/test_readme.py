@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 from sim.cli.command_line import main
-from sim.episode.scenario import load_scenario
+from sim.episode.scenario_file import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from distributed.scheduler import KilledWorker
 
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult, lost_result
-from sim.errors import UsageError
+from sim.errors import FieldError
 
 from .engine import POLL_S, Engine, Outcome, Work, run_there
 
@@ -36,7 +36,7 @@ class DaskEngine(Engine):
         try:
             self._client = Client(address or self._cluster, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
-            raise UsageError(f"--address {address}: no Dask scheduler answers there ({error}).") from error
+            raise FieldError("address", address, f"no Dask scheduler answers there ({error}).") from error
 
     def outcomes(self, trials: Iterable[Trial]) -> Iterator[Outcome | None]:
         """See `Engine.outcomes`."""

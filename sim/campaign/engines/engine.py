@@ -5,16 +5,13 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult
 from sim.closeable import Closeable
-from sim.errors import UsageError
 
 Work = Callable[[Trial], TrialResult]
 """What a process does with a trial."""
-EngineName = Literal["local", "dask", "ray"]
 POLL_S = 0.5
 """An engine returns this often even when nothing has happened, so that Ctrl-C is heeded."""
 MAX_TRIES = 2
@@ -48,35 +45,4 @@ def run_there(trial: Trial) -> TrialResult:
     """Run a trial, in the process that is to do it."""
     from sim.campaign.trial import run_trial  # imports MuJoCo, which the campaign's own process never needs
 
-    return run_trial(trial.run_options)
-
-
-def make_engine(name: EngineName, *, n_jobs: int, address: str | None = None) -> Engine:
-    """The engine of that name.
-
-    Args:
-        name: `local` (processes of this machine), `dask` or `ray`.
-        n_jobs: Processes, where the engine starts them itself.
-        address: Of the cluster's scheduler; None starts one on this machine.
-
-    Raises:
-        UsageError: The engine is not installed, or nothing answers at the address.
-    """
-    if name == "local":
-        if address is not None:
-            raise UsageError(f"--address {address}: goes with --engine dask or --engine ray.")
-        from .local import LocalEngine
-
-        return LocalEngine(n_jobs)
-    try:
-        if name == "dask":
-            from .dask_engine import DaskEngine
-
-            return DaskEngine(n_jobs, address)
-        from .ray_engine import RayEngine
-
-        return RayEngine(n_jobs, address)
-    except ImportError as error:
-        raise UsageError(
-            f"--engine {name}: {error}. Install it with: pip install 'sounding[{name}]'"
-        ) from error
+    return run_trial(trial)

@@ -11,7 +11,7 @@ from ray.exceptions import RayError, WorkerCrashedError  # pyright: ignore[repor
 
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult, lost_result
-from sim.errors import UsageError
+from sim.errors import FieldError
 
 from .engine import MAX_TRIES, POLL_S, Engine, Outcome, Work, run_there
 from .local import ENVIRONMENT
@@ -40,7 +40,7 @@ class RayEngine(Engine):
                 **more,
             )
         except (ConnectionError, ValueError, RuntimeError) as error:
-            raise UsageError(f"--address {address}: no Ray cluster answers there ({error}).") from error
+            raise FieldError("address", address, f"no Ray cluster answers there ({error}).") from error
         self._work = ray.remote(num_cpus=1, max_retries=MAX_TRIES - 1)(work)
 
     def outcomes(self, trials: Iterable[Trial]) -> Iterator[Outcome | None]:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+
+MotionKind = Literal["none", "kinematic", "servo"]
+"""How the probe gets from pose to pose: it jumps, follows a timed path exactly, or is moved by simulated servos."""
 
 
 @dataclass(frozen=True, kw_only=True)

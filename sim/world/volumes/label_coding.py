@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sim.world.case_files import LabelChoice
 from sim.world.errors import VolumeError
 
 from .volume import Volume
@@ -54,18 +55,6 @@ CODINGS: dict[str, Coding] = {
 """LiTS (Bilic et al. 2023) and the Medical Segmentation Decathlon's Task03 (Antonelli et al. 2022) mark liver and
 tumour as 1 and 2; 3D-IRCADb-01 has a mask per structure, 255 inside; TotalSegmentator's task `total`, version 2
 (Wasserthal et al. 2023), numbers 117 structures and has no tumours."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelChoice:
-    """What a user says of the labels: the name of a coding, and numbers that take precedence over it."""
-
-    coding: str = "auto"
-    organ: tuple[int, ...] = ()
-    tumours: tuple[int, ...] = ()
-    targets: tuple[int, ...] = ()
-    structures: tuple[int, ...] = ()
-    keepouts: tuple[int, ...] = ()
 
 
 def coding_of(volume: Volume, choice: LabelChoice, path: object) -> tuple[Coding, list[str]]:

@@ -13,7 +13,7 @@ from sim.episode.episode import Episode
 @pytest.mark.parametrize("name", ["random", "multi-resolution"])
 def test_an_episode_is_the_same_with_and_without(sphere_arm_setup, name) -> None:
     def steps(planner) -> list:
-        episode = Episode(sphere_arm_setup, planner, seed=7, has_map=False, casts_rays=False)
+        episode = Episode(sphere_arm_setup, planner, seed=7, tumour_map=None, casts_rays=False)
         return [(step.pose_index, step.sensed_fraction, step.ik.q.tolist()) for step in episode.steps(12)]
 
     assert steps(Lookahead(make_planner(name), sphere_arm_setup.positioner)) == steps(make_planner(name))
@@ -26,7 +26,7 @@ def test_the_poses_to_come_are_solved_together(sphere_arm_setup, monkeypatch) ->
         sphere_arm_setup.positioner, "prepare", lambda poses: (asked.append(len(poses)), prepare(poses))
     )
     planner = Lookahead(make_planner("random"), sphere_arm_setup.positioner)
-    episode = Episode(sphere_arm_setup, planner, seed=11, has_map=False, casts_rays=False)
+    episode = Episode(sphere_arm_setup, planner, seed=11, tumour_map=None, casts_rays=False)
     assert len(list(episode.steps(N_AHEAD))) == N_AHEAD
     assert asked == [N_AHEAD]
 
@@ -47,7 +47,7 @@ def test_poses_solved_together_are_answered_as_one_by_one(sphere_arm_setup) -> N
 def test_an_episode_without_rays_senses_the_same_share(sphere_setup) -> None:
     shares = [
         [s.sensed_fraction for s in Episode(sphere_setup, make_planner("random"), seed=2, **how).steps(20)]
-        for how in ({"has_map": False}, {"has_map": False, "casts_rays": False})
+        for how in ({"tumour_map": None}, {"tumour_map": None, "casts_rays": False})
     ]
     assert shares[0] == shares[1]
     with pytest.raises(ValueError, match="casts_rays"):

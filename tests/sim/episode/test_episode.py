@@ -54,15 +54,15 @@ def test_sensed_fraction_never_falls_and_equals_the_cones_union(sphere_setup) ->
 def test_planners_face_one_truth_per_seed_and_seeds_differ(sphere_setup) -> None:
     centres = {}
     for name, seed in (("random", 3), ("multi-resolution", 3), ("random", 4)):
-        truth = Episode(sphere_setup, make_planner(name), seed=seed, has_map=False).truth
+        truth = Episode(sphere_setup, make_planner(name), seed=seed, tumour_map=None).truth
         centres[name, seed] = truth.anatomy.detection_points_m
     assert np.array_equal(centres["random", 3], centres["multi-resolution", 3])
     assert not np.array_equal(centres["random", 3], centres["random", 4])
 
 
 def test_the_arm_faces_the_truth_of_the_free_probe(sphere_setup, sphere_arm_setup) -> None:
-    with_arm = Episode(sphere_arm_setup, make_planner("random"), seed=1, has_map=False)
-    without = Episode(sphere_setup, make_planner("random"), seed=1, has_map=False)
+    with_arm = Episode(sphere_arm_setup, make_planner("random"), seed=1, tumour_map=None)
+    without = Episode(sphere_setup, make_planner("random"), seed=1, tumour_map=None)
     assert np.array_equal(with_arm.truth.anatomy.detection_points_m, without.truth.anatomy.detection_points_m)
     assert with_arm.truth.attainable_fraction >= 0.95
 
@@ -77,7 +77,7 @@ def test_an_episode_repeats_and_its_map_finds_what_was_sensed(sphere_setup) -> N
     assert steps[-1].auprc > 0.5
     # Points well inside what was sensed as tumour are likely tumour, by the map.
     occupied_m = np.vstack([step.reading.points_m[step.reading.is_occupied] for step in steps])
-    assert first.hilbert_map.predict(occupied_m).probability.mean() > 0.8
+    assert first.tumour_map.predict(occupied_m).probability.mean() > 0.8
 
 
 def test_with_the_arm_the_reading_comes_from_where_the_tip_really_is(sphere_arm_setup) -> None:
@@ -162,7 +162,7 @@ def test_a_long_search_for_a_pose_within_reach_says_so_and_can_be_stopped(sphere
 
 
 def test_it_stops_when_enough_is_sensed(sphere_setup) -> None:
-    episode = Episode(sphere_setup, make_planner("multi-resolution"), seed=0, has_map=False)
+    episode = Episode(sphere_setup, make_planner("multi-resolution"), seed=0, tumour_map=None)
     steps = list(episode.steps(2000, until_sensed=0.5))
     assert steps[-1].sensed_fraction >= 0.5
     assert all(step.sensed_fraction < 0.5 for step in steps[:-1])
@@ -170,8 +170,8 @@ def test_it_stops_when_enough_is_sensed(sphere_setup) -> None:
 
 
 def test_a_planner_that_needs_the_map_cannot_go_without(sphere_setup) -> None:
-    with pytest.raises(ValueError, match="has_map"):
-        Episode(sphere_setup, make_planner("expected-improvement"), seed=0, has_map=False)
+    with pytest.raises(ValueError, match="tumour_map"):
+        Episode(sphere_setup, make_planner("expected-improvement"), seed=0, tumour_map=None)
 
 
 def test_before_anything_is_found_the_search_is_the_same_for_every_truth(sphere_setup) -> None:

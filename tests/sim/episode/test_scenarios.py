@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from sim.episode.scenario import SCENARIOS, Scenario, load_scenario
+from sim.episode.scenario import SCENARIOS, Scenario
+from sim.episode.scenario_file import load_scenario
 from sim.errors import UsageError
 
 

@@ -61,7 +61,7 @@ def test_an_arm_that_moves_too_slowly_for_its_servos_is_no_different(sphere_arm_
 def test_the_reading_comes_from_where_the_pressed_probe_really_is(sphere_arm_setup) -> None:
     motion_model = make_motion_model(sphere_arm_setup, "servo", servo=ServoSettings(press_m=0.003))
     episode = Episode(
-        sphere_arm_setup, make_planner("random"), seed=0, motion_model=motion_model, has_map=False
+        sphere_arm_setup, make_planner("random"), seed=0, motion_model=motion_model, tumour_map=None
     )
     (step,) = episode.steps(1)
     np.testing.assert_allclose(step.reading.T_world_probe[:3, 3], step.motion.tips_m[-1], atol=1e-12)

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.cli.command_line import _parse, main
-from sim.episode.scenario import load_scenario
+from sim.episode.scenario_file import load_scenario
 from sim.reach.base_grid import Stand
 from sim.reach.base_search import BaseQuestion, search_base
 from sim.reach.reachability import reached_fraction

@@ -15,7 +15,7 @@ import pytest
 from planner import Workspace
 from sim.cli.arm_options import IkOptions, ReachOptions
 from sim.cli.command_line import _parse, main
-from sim.episode.scenario import load_scenario
+from sim.episode.scenario_file import load_scenario
 from sim.reach.explanation import explain_in
 from sim.reach.pose_pool import chunk_answers
 from sim.reach.reachability import study_reach, tilted

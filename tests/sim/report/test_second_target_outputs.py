@@ -28,7 +28,7 @@ from sim.pictures.figures import AMBER, BLUE, PURPLE, TargetCurves, draw_precisi
 from sim.pictures.run_figures import draw_run_figures
 from sim.record.run_record import load_run
 from sim.report import write_report
-from sim.viewing.replay import read_recording
+from sim.record.recording import read_recording
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from sim.record.trajectories import read_anatomy
 from sim.report.mesh_thinning import LEAST_FACES
 from sim.report.packing import Pack
 from sim.report.view_data import MOST_STRUCTURE_FACES, view_data
-from sim.viewing.replay import read_recording
+from sim.record.recording import read_recording
 from sim.world.scene.scene import Group
 from sim.world.solids.solid import Solid
 

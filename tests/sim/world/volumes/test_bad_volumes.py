@@ -17,7 +17,7 @@ from scanned_ball import (
 
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
-from sim.world.volumes.label_coding import LabelChoice
+from sim.world.case_files import LabelChoice
 
 
 def noise(shape=(30, 30, 30), low=-1000, high=1500):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
-from sim.world.volumes.label_coding import LabelChoice
+from sim.world.case_files import LabelChoice
 
 
 @pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1)])

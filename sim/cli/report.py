@@ -1,7 +1,8 @@
-"""What can be asked of a report."""
+"""`sounding report`: the page of a run, written anew."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,9 +11,11 @@ import tyro
 
 from sim.errors import UsageError
 
+from .flags import parse
+
 
 @dataclass(frozen=True, kw_only=True)
-class ReportOptions:
+class Options:
     """Write report.html anew from the files of a run, finished or not.
 
     The page holds everything it shows and opens without a network.
@@ -27,3 +30,17 @@ class ReportOptions:
             raise UsageError(
                 "report: name the folder of a run, for example renders/liver-find-and-outline-0."
             )
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Write the reports; returns the exit code."""
+    from sim.report import write_report
+
+    for folder in options.folders:
+        print(f"written to {write_report(folder)}")
+    return 0

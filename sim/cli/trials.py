@@ -1,23 +1,26 @@
-"""What can be asked about trials on the command line: pure data, in the units people type."""
+"""`sounding trials`: run the episodes of a study."""
 
 from __future__ import annotations
 
-from collections.abc import Container
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
-
-from sim.campaign.engines.engine import EngineName
-from sim.campaign.study import Part, Study, option_value, parse_seeds
+from sim.campaign.engines.factory import EngineName
+from sim.campaign.study import Part, Study, parse_seeds
 from sim.campaign.study_file import load_study
-from sim.errors import UsageError
-from sim.running.options import MapKept, MotionKind
+from sim.errors import FieldError, UsageError
+from sim.running.fields import converted
+from sim.world.motion.settings import MotionKind
+
+from .exit_codes import INTERRUPTED
+from .flags import in_flags, parse
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialsOptions:
+class Options:
     """Run many episodes: every combination of scenarios, planners, arms and seeds, or those of a study file.
 
     Writes trials.csv, a row per trial, timings.csv, curves.npz and a journal to the output folder. Called again, also
@@ -30,7 +33,9 @@ class TrialsOptions:
     scenario: tuple[str, ...] = ()
     """Scenarios: sphere, spheres, liver, or paths of scenario files; liver by default."""
     planner: tuple[str, ...] = ()
-    """Planners; find-and-outline by default."""
+    """Planners, also of your own as package.module:Class; find-and-outline by default."""
+    sensor: tuple[str, ...] = ()
+    """Sensors, also of your own as package.module:Class; cone by default."""
     arm: tuple[str, ...] = ()
     """Arms: default, none, or paths of MJCF files; default by default."""
     trials: int | None = None
@@ -44,9 +49,9 @@ class TrialsOptions:
     motion: MotionKind | None = None
     """How the arm gets from pose to pose. By default none: it jumps, with the time of the way estimated, which is far
     faster; kinematic searches a path for it, servo simulates it."""
-    map: MapKept | None = None
-    """Whether planners that need no map keep one. By default they do not where --until-sensed ends the episodes: then
-    only the share sensed is asked."""
+    map: str | None = None
+    """always, when-needed (planners that need no map keep none), or a map of your own as package.module:Class. By
+    default when-needed where --until-sensed ends the episodes, since only the share sensed counts then."""
     out: Path | None = None
     """Folder to write to; renders/<study>, or renders/trials."""
     jobs: int = 2
@@ -69,14 +74,14 @@ class TrialsOptions:
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not 1 <= self.jobs <= 256:
-            raise UsageError(f"--jobs {self.jobs}: from 1 to 256.")
+            raise FieldError("jobs", self.jobs, "from 1 to 256.")
         if self.trials is not None and self.trials < 1:
-            raise UsageError(f"--trials {self.trials}: 1 or more.")
+            raise FieldError("trials", self.trials, "1 or more.")
         if self.trials is not None and self.seeds is not None:
-            raise UsageError("--trials and --seeds both say which seeds: give one of them.")
+            raise UsageError("`trials` and `seeds` both say which seeds: give one of them.")
 
     def make_study(self) -> Study:
-        """The study asked for.
+        """The study that the options describe.
 
         Raises:
             UsageError: A study file that cannot be used, or a value out of range.
@@ -91,7 +96,7 @@ class TrialsOptions:
         return Study("trials", (Part(given),))
 
     def out_folder(self, study: Study) -> Path:
-        """The folder asked for, or the one that names the study."""
+        """The folder that the options name, or the one that names the study."""
         if self.out is not None:
             return self.out
         return Path("renders") / (Path(self.study).stem if self.study is not None else study.title)
@@ -99,11 +104,13 @@ class TrialsOptions:
     def _given(self) -> dict[str, Any]:
         """Values of the episode's options that the command line names."""
         given: dict[str, Any] = {
-            name: tuple(getattr(self, name)) for name in ("scenario", "planner", "arm") if getattr(self, name)
+            name: tuple(getattr(self, name))
+            for name in ("scenario", "planner", "sensor", "arm")
+            if getattr(self, name)
         }
         for name in ("steps", "until_sensed", "motion", "map"):
             if getattr(self, name) is not None:
-                given[name] = (option_value(name, getattr(self, name)),)
+                given[name] = (converted(name, getattr(self, name)),)
         if self.trials is not None:
             given["seed"] = range(self.trials)
         if self.seeds is not None:
@@ -111,37 +118,35 @@ class TrialsOptions:
         return given
 
 
-@dataclass(frozen=True, kw_only=True)
-class CompareOptions:
-    """Compare the planners of one or more campaigns, on equal seeds: tables, intervals and figures.
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
 
-    Writes compare.md, compare.csv and figures, and prints the tables.
-    """
 
-    folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders that `sounding trials` wrote."""
-    out: Path | None = None
-    """Folder to write to; <first folder>/compare by default."""
-    seeds: str | None = None
-    """Look at these seeds only, for example 0:10, whose end is left out."""
-    reference: str | None = None
-    """Contender against which all others are paired; by default all pairs are."""
-    view_seed: int | None = None
-    """Run this seed of each contender again and draw its map and poses from above and from the side."""
-    jobs: int = 2
-    """Processes that draw the views."""
+def run(options: Options) -> int:
+    """Run the trials, or tell how many there are; returns the exit code."""
+    from sim.campaign.campaign import campaign_text, run_trials
+    from sim.campaign.forecast import forecast_study, forecast_text
 
-    def __post_init__(self) -> None:
-        """Validate the ranges."""
-        if not self.folders:
-            raise UsageError("compare needs one folder or more that `sounding trials` wrote.")
-        if not 1 <= self.jobs <= 256:
-            raise UsageError(f"--jobs {self.jobs}: from 1 to 256.")
-
-    def seed_range(self) -> Container[int] | None:
-        """The seeds to look at, None for all."""
-        return None if self.seeds is None else parse_seeds(self.seeds)
-
-    def out_folder(self) -> Path:
-        """The folder asked for, or the one within the first campaign's."""
-        return self.out or self.folders[0] / "compare"
+    study = options.make_study()
+    try:
+        if options.dry_run:
+            forecasts = forecast_study(study, n_jobs=options.jobs)
+            print(in_flags(forecast_text(study, forecasts, n_jobs=options.jobs), Options))
+            return 0
+        summary = run_trials(
+            study,
+            options.out_folder(study),
+            jobs=options.jobs,
+            engine=options.engine,
+            address=options.address,
+            folders=options.folders,
+            retry_failed=options.retry_failed,
+            overwrite=options.overwrite,
+            any_version=options.any_version,
+        )
+    except KeyboardInterrupt:
+        print("sounding: interrupted; finished trials are kept, call again to go on.", file=sys.stderr)
+        return INTERRUPTED
+    print(in_flags(campaign_text(summary), Options))
+    return INTERRUPTED if summary.is_interrupted else 0

@@ -6,50 +6,30 @@ volumes say where they lie; meshes are LPS unless their header or the user says 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import trimesh
 
+from sim.world.case_files import CaseFiles
 from sim.world.errors import MeshError, VolumeError
-from sim.world.meshes.file_kinds import MeshFrame, Unit
 from sim.world.meshes.meshes import load_mesh, load_surface, remarks_on_size
 from sim.world.solids.solid import Solid
 from sim.world.volumes.files import is_volume, load_volume
 from sim.world.volumes.label_anatomy import LabelledAnatomy, anatomy_of, box_of, tumour_pieces
-from sim.world.volumes.label_coding import CODINGS, Coding, LabelChoice, coding_of
+from sim.world.volumes.label_coding import CODINGS, Coding, coding_of
 from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
 from sim.world.volumes.volume import Volume, shifted
 
 from .structures import Structure
 
+if TYPE_CHECKING:
+    from sim.world.case_files import Body
+
 BodyKind = Literal["tumour", "target"]
 """What is mapped in an organ: tumours, or the bodies of a second class."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CaseFiles:
-    """Which files hold an anatomy, and how to read them."""
-
-    organ: str
-    """Mesh or label volume of the organ."""
-    tumours: tuple[str, ...] = ()
-    """Meshes or label volumes of tumours, besides those that the organ's volume holds."""
-    targets: tuple[str, ...] = ()
-    """Meshes or label volumes of a second class to be mapped, besides what the organ's volume holds of it."""
-    structures: tuple[str, ...] = ()
-    """Meshes or masks of structures to show."""
-    keepouts: tuple[str, ...] = ()
-    """Meshes or masks of structures to keep away from."""
-    unit: Unit = "mm"
-    """Unit of meshes."""
-    frame: MeshFrame = "auto"
-    """Axes of meshes: lps, ras, or auto for what the file says, else lps."""
-    labels: LabelChoice = field(default_factory=LabelChoice)
-    """What the labels of volumes mean."""
-    spacing_m: tuple[float, float, float] | None = None
-    """Distances between voxels in place of the header's [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,7 +66,9 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
         WorldError: A file cannot be used.
     """
     notices: list[str] = []
-    if is_volume(files.organ):
+    if not isinstance(files.organ, str):
+        found = LabelledAnatomy(organ=solid_of(files.organ, "organ"))
+    elif is_volume(files.organ):
         found = _labelled(files, volume or load_volume(files.organ, spacing_m=files.spacing_m), notices)
     else:
         mesh = load_mesh(files.organ, files.unit, role="organ", frame=files.frame)
@@ -97,8 +79,8 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     targets, target_names = _with_files(found.targets, "target", files, notices)
     if not targets and (files.targets or files.labels.targets):
         raise VolumeError(
-            f"{files.organ}: nothing is left of the target class ({'; '.join(notices)}); pass another --target-label, "
-            "or leave it out"
+            f"{organ_name(files)}: nothing is left of the target class ({'; '.join(notices)}); pass another "
+            "`target_label`, or leave it out"
         )
     structures = list(found.structures)
     structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
@@ -119,17 +101,47 @@ def _with_files(
 ) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
     """The tumours or targets that the organ's volume holds and those in files of their own, and their names."""
     solids = list(found)
-    names = [f"{Path(files.organ).name}: {role} {i + 1}" for i in range(len(solids))]
-    for file in files.tumours if role == "tumour" else files.targets:
-        held = _solids_of(file, role, files, notices)
+    names = [f"{organ_name(files)}: {role} {i + 1}" for i in range(len(solids))]
+    for number, body in enumerate(files.tumours if role == "tumour" else files.targets, start=1):
+        if not isinstance(body, str):
+            solids.append(solid_of(body, role))
+            names.append(f"{role} {number}")
+            continue
+        held = _solids_of(body, role, files, notices)
         solids += held
-        names += [file] if len(held) == 1 else [f"{file}: {role} {i + 1}" for i in range(len(held))]
+        names += [body] if len(held) == 1 else [f"{body}: {role} {i + 1}" for i in range(len(held))]
     return tuple(solids), tuple(names)
 
 
+def organ_name(files: CaseFiles) -> str:
+    """What to call the organ in messages: its file's name."""
+    return Path(files.organ).name if isinstance(files.organ, str) else "the organ in memory"
+
+
+def solid_of(body: Solid | trimesh.Trimesh, role: str) -> Solid:
+    """A surface in memory as a solid.
+
+    Args:
+        body: A solid, or a closed mesh whose faces look outward [m].
+        role: What it is, for messages.
+
+    Raises:
+        MeshError: The mesh is not closed, or its faces look inward.
+    """
+    if isinstance(body, Solid):
+        return body
+    if not body.is_volume:
+        raise MeshError(
+            f"the {role} in memory: is not a closed surface with its faces outward; call "
+            "trimesh.repair.fill_holes and trimesh.repair.fix_normals on it, or save it and name the file, which is "
+            "repaired when it is read"
+        )
+    return Solid.from_trimesh(body)
+
+
 def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledAnatomy:
-    coding, remarks = coding_of(volume, files.labels, files.organ)
-    found = anatomy_of(volume, coding, files.organ)
+    coding, remarks = coding_of(volume, files.labels, str(files.organ))
+    found = anatomy_of(volume, coding, str(files.organ))
     said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
     notices += [*volume.notices, *(f"{volume.name}: {text}" for text in said)]
     return found
@@ -146,6 +158,11 @@ def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
     return remarks
 
 
+def is_label_volume(body: Body) -> bool:
+    """Whether a body is to be read from a label volume."""
+    return isinstance(body, str) and is_volume(body)
+
+
 def _refuse_labels(files: CaseFiles) -> None:
     """Nothing, unless labels are asked for of a mesh.
 
@@ -155,8 +172,8 @@ def _refuse_labels(files: CaseFiles) -> None:
     labels = files.labels
     if (
         (labels.organ or labels.structures or labels.keepouts)
-        or (labels.tumours and not any(is_volume(file) for file in files.tumours))
-        or (labels.targets and not any(is_volume(file) for file in files.targets))
+        or (labels.tumours and not any(is_label_volume(file) for file in files.tumours))
+        or (labels.targets and not any(is_label_volume(file) for file in files.targets))
     ):
         raise MeshError(
             f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "

@@ -1,0 +1,26 @@
+"""`sounding doctor`: what is installed and what renders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .flags import parse
+
+
+@dataclass(frozen=True)
+class Options:
+    """Say what is installed, which OpenGL works and how fast it draws, and what to do about each red line."""
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Print the diagnosis; returns the exit code."""
+    from sim.doctor.diagnosis import run_doctor
+
+    del options
+    return 0 if run_doctor().is_healthy else 1

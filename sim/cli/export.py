@@ -1,0 +1,52 @@
+"""`sounding export`: a run's map as NIfTI volumes over the patient's scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sim.errors import FieldError, UsageError
+
+from .flags import parse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Write a run's map as NIfTI volumes in the patient's own coordinates, to lie over the scan.
+
+    Every run with a map writes them; this writes them again, elsewhere or with another threshold. The files are
+    map_probability.nii.gz, map_standard_deviation.nii.gz (of the map's latent) and map_labels.nii.gz (1 organ,
+    2 tumour). The map of a second class goes to map_target_*.nii.gz, labelled 3.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Folder of a run of `sounding episode`."""
+    threshold: float = 0.5
+    """Probability above which a point is labelled tumour, between 0 and 1."""
+    out: Path | None = None
+    """Folder to write to; the run's own by default."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not 0.0 < self.threshold < 1.0:
+            raise FieldError("threshold", self.threshold, "between 0 and 1, both excluded.")
+        if self.out is not None and self.out.exists() and not self.out.is_dir():
+            raise UsageError(f"{self.out}: is a file, not a folder. Choose another `out`.")
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Write the volumes; returns the exit code."""
+    from sim.viewing.export import export_map
+
+    for file in export_map(options.folder, options.out, threshold=options.threshold):
+        print(f"written {file}")
+    return 0

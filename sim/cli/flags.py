@@ -1,0 +1,58 @@
+"""Flags: options classes read from the command line, and the names of fields in texts written as flags."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable, Sequence
+from typing import Any, TypeVar
+
+import tyro
+
+from sim.errors import FieldError, value_text
+from sim.running.fields import field_names, leaf_fields
+
+Options = TypeVar("Options")
+_IN_BACKTICKS = re.compile(r"`(\w+)`")
+
+
+def parse(
+    options_class: type[Options], arguments: Sequence[str], *, prog: str, default: Options | None = None
+) -> Options:
+    """The options that the command line gives; it ends the process with a message where it cannot be understood.
+
+    Args:
+        options_class: A dataclass; groups of its own are flattened, so that no flag has a prefix.
+        arguments: What was typed after the command.
+        prog: The command, for usage and messages.
+        default: Values of all that is not given; those of the class by default.
+    """
+    more = {} if default is None else {"default": default}
+    return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
+
+
+def flag(name: str) -> str:
+    """The flag of a field."""
+    return f"--{name.replace('_', '-')}"
+
+
+def in_flags(said: str | Exception, options_class: type[Any] | None = None) -> str:
+    """A text or an error with the names of fields, which stand in backticks, written as flags.
+
+    Args:
+        said: The text or the error.
+        options_class: Options of the command; fields of an episode are known besides.
+    """
+    names = {*field_names(), *(() if options_class is None else leaf_fields(options_class))}
+    if isinstance(said, FieldError) and said.field in names:
+        return _replaced(f"{flag(said.field)} {value_text(said.value)}: {said.problem}", names)
+    return _replaced(str(said), names)
+
+
+def _replaced(text: str, names: Iterable[str]) -> str:
+    return _IN_BACKTICKS.sub(lambda m: flag(m[1]) if m[1] in names else m[0], text)
+
+
+def note(text: str) -> None:
+    """Print a notice on stderr, with flags."""
+    print(f"note: {in_flags(text)}", file=sys.stderr)

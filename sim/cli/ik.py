@@ -1,0 +1,83 @@
+"""`sounding ik`: one sensing pose, explained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim.episode.scenario_file import load_scenario
+from sim.errors import FieldError
+from sim.running.case import MM, metres
+from sim.running.parts import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
+
+from .exit_codes import NOT_REACHED
+from .flags import parse
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Explain one sensing pose: whether the arm reaches it, with which joints, how close to limits and obstacles.
+
+    Ends with exit code 0 where the pose is reached and 1 where it is not.
+    """
+
+    position_mm: Triple
+    """Where the probe's tip shall touch, world frame [mm]. The table's top is z = 0."""
+    normal: Triple = (0.0, 0.0, -1.0)
+    """Direction of the beam, into the organ; of any length."""
+    standoff_mm: float = 40.0
+    """The pose is approached from this far above it [mm]; 0 solves for the pose only."""
+    scenario: str = "liver"
+    """The organ that lies before the arm: sphere, spheres, liver, or the path of a scenario .toml."""
+    arm: str = "default"
+    """default (the embedded 7-joint arm), ur5e (with the extra `arms`), or the path of any MJCF arm."""
+    flange: str | None = None
+    """Site of the arm that carries the probe; by default the first of flange and attachment_site that it has."""
+    base_mm: Triple = (0.0, 0.0, 0.0)
+    """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
+    base_yaw_deg: float = 0.0
+    """How the base is turned about the vertical [degrees]."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        check_base(self.base_mm, self.base_yaw_deg)
+        if not all(math.isfinite(value) and abs(value) <= MAX_POSITION_MM for value in self.position_mm):
+            raise FieldError(
+                "position_mm",
+                _short(self.position_mm),
+                f"finite numbers of at most {MAX_POSITION_MM:.0f} mm.",
+            )
+        if not all(math.isfinite(value) for value in self.normal) or not any(self.normal):
+            raise FieldError("normal", _short(self.normal), "three finite numbers, not all zero.")
+        if not 0.0 <= self.standoff_mm <= 500.0:
+            raise FieldError("standoff_mm", self.standoff_mm, "from 0 to 500 mm.")
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Explain the pose; returns the exit code, 0 where it is reached."""
+    from sim.reach.explanation import explain_pose
+    from sim.reach.workcell import build_workcell
+
+    arm = arm_standing(
+        options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg
+    )
+    workcell = build_workcell(load_scenario(options.scenario), arm)
+    explanation = explain_pose(
+        workcell, metres(options.position_mm), options.normal, standoff_m=options.standoff_mm * MM
+    )
+    if 0.0 < max(abs(value) for value in options.position_mm) < METRES_MM:
+        print("note             the position is in millimetres; was it given in metres?")
+    print(explanation.text)
+    return 0 if explanation.is_reached else NOT_REACHED
+
+
+def _short(values: tuple[float, ...]) -> tuple[str, ...]:
+    return tuple(f"{value:g}" for value in values)

@@ -1,0 +1,58 @@
+"""`sounding inspect`: what a patient's files hold, and what is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sim.errors import FieldError
+from sim.running.case import CaseConfig
+
+from .exit_codes import NOT_USABLE
+from .flags import in_flags, parse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Say what a mesh or a label volume holds, draw it, and say what is wrong with it and what to do.
+
+    Prints labels, volumes, spacing, orientation, islands, and tumours with diameters and depths. The exit code is 0
+    where the file can be used as the organ with the options given, and 1 where it cannot.
+    """
+
+    file: Annotated[Path, tyro.conf.Positional]
+    """STL, OBJ, PLY, GLB or glTF mesh, or label volume (.nii, .nii.gz, .nrrd, .nhdr)."""
+    out: Path | None = None
+    """PNG to draw; renders/inspect-<name>.png by default."""
+    case: CaseConfig = field(default_factory=CaseConfig)
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        spacing_mm = self.case.spacing_mm
+        if spacing_mm is not None and not all(0.02 <= each <= 30.0 for each in spacing_mm):
+            raise FieldError("spacing_mm", spacing_mm, "from 0.02 to 30 mm.")
+        if self.out is not None and self.out.suffix.lower() != ".png":
+            raise FieldError("out", self.out, "must end with .png.")
+
+    @property
+    def picture(self) -> Path:
+        """The PNG to draw."""
+        return self.out or Path("renders") / f"inspect-{self.file.name.split('.')[0]}.png"
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Look at the files and print what they hold; returns the exit code."""
+    from sim.viewing.inspection import inspect
+
+    inspection = inspect(options.case.files(options.file), options.picture)
+    print(in_flags(inspection.text, Options))
+    return 0 if inspection.is_usable else NOT_USABLE

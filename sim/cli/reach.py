@@ -1,0 +1,184 @@
+"""`sounding reach`: which sensing poses of a scenario an arm reaches, or several arms."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from sim.episode.scenario import Scenario
+from sim.episode.scenario_file import load_scenario
+from sim.errors import FieldError, UsageError
+from sim.running.case import MM, AnatomyConfig, CaseConfig, scenario_changes
+from sim.running.parts import arm_standing, check_base
+
+from .exit_codes import INTERRUPTED
+from .flags import note, parse
+from .terminal_tables import arms_summary, reach_table
+
+if TYPE_CHECKING:
+    from sim.reach.study import StudySettings
+    from sim.world.scene.arm import ArmModel
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Ask an arm for every sensing pose of a scenario: which it reaches, how well, and why not the others.
+
+    Writes reach.csv, summary.json, config.json, manifest.json, reach.png (the organ coloured by score) and reasons.png;
+    with --base-search bases.csv and bases.png (where the base could stand) too. Several arms are compared on the one
+    workspace: each has a folder of its own in the output folder, beside the table arms.csv, arms.md and arms.png.
+    """
+
+    scenario: str = "liver"
+    """sphere, spheres (the paper's synthetic organ), liver, or the path of a scenario .toml."""
+    arm: tuple[str, ...] = ("default",)
+    """default (the embedded 7-joint arm), ur5e (with the extra `arms`), or the path of any MJCF arm; several of them
+    are compared."""
+    flange: tuple[str, ...] = ()
+    """Site of the arm that carries the probe, one for all arms or one for each; by default the first of flange and
+    attachment_site that the arm has."""
+    base_mm: Triple = (0.0, 0.0, 0.0)
+    """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
+    base_yaw_deg: float = 0.0
+    """How the base is turned about the vertical [degrees]."""
+    base_search: int = 0
+    """Ask also where the base should stand, by this many candidate bases: from 10 to 5000, or 0 for not at all."""
+    base_poses: int = 500
+    """Poses of the workspace, drawn by seed, that each candidate base is asked for."""
+    base_height_mm: tuple[float, float] = (0.0, 300.0)
+    """Lowest and highest candidate base above the table's top [mm]."""
+    base_objective: Literal["poses", "seen"] = "poses"
+    """What makes a base good: the share of the poses that it reaches, or the share of the organ's inside that the
+    probe's cone sees from those."""
+    organ: Path | None = None
+    """Replace the scenario's organ by this mesh or label volume."""
+    tilt_deg: float = 0.0
+    """Ask again for the poses that are not reached with the probe tilted off the normal by up to this [degrees]."""
+    restarts: int = 40
+    """Further starts before a pose is called unreachable, from 0 to 119."""
+    seed: int = 0
+    """Seed of the set of starts; it should change nothing."""
+    jobs: int = 2
+    """Processes that share the poses; the answers do not depend on it."""
+    out: Path | None = None
+    """Folder to write to; renders/reach-<scenario> by default."""
+    overwrite: bool = False
+    """Replace a run that the folder already holds."""
+    parquet: bool = False
+    """Write reach.parquet beside reach.csv; needs the extra `parquet`."""
+    case: CaseConfig = field(default_factory=CaseConfig)
+    anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not 0.0 <= self.tilt_deg <= 80.0:
+            raise FieldError("tilt_deg", self.tilt_deg, "from 0 to 80 degrees.")
+        if not 0 <= self.restarts <= 119:
+            raise FieldError("restarts", self.restarts, "from 0 to 119.")
+        if not 1 <= self.jobs <= 64:
+            raise FieldError("jobs", self.jobs, "from 1 to 64.")
+        if self.seed < 0:
+            raise FieldError("seed", self.seed, "0 or more.")
+        if not self.arm:
+            raise UsageError("`arm`: name an arm, or `default`.")
+        if len(self.flange) not in (0, 1, len(self.arm)):
+            raise FieldError("flange", self.flange, f"one site, or one for each of the {len(self.arm)} arms.")
+        check_base(self.base_mm, self.base_yaw_deg)
+        self.case.check(self.organ)
+        self._check_base_search()
+
+    def _check_base_search(self) -> None:
+        if self.base_search != 0 and not 10 <= self.base_search <= 5000:
+            raise FieldError("base_search", self.base_search, "from 10 to 5000 bases, or 0.")
+        if not 20 <= self.base_poses <= 100_000:
+            raise FieldError("base_poses", self.base_poses, "from 20 to 100000.")
+        low_mm, high_mm = self.base_height_mm
+        if not -700.0 <= low_mm <= high_mm <= 2000.0:
+            shown = (f"{low_mm:g}", f"{high_mm:g}")
+            raise FieldError("base_height_mm", shown, "two rising heights from -700 to 2000 mm.")
+
+    def flange_of(self, index: int) -> str | None:
+        """The flange of one of the arms; None where none is named."""
+        return self.flange[index if len(self.flange) > 1 else 0] if self.flange else None
+
+    def out_folder(self, scenario: Scenario) -> Path:
+        """The folder that the options name, or the one that names the scenario."""
+        return self.out or Path("renders") / f"reach-{scenario.name}"
+
+    def make_scenario(self) -> Scenario:
+        """The scenario with what the command line changes about it."""
+        changes = scenario_changes(self.organ, self.case, self.anatomy)
+        return dataclasses.replace(load_scenario(self.scenario), **changes)
+
+    def make_arm(self, index: int) -> ArmModel:
+        """One of the arms."""
+        flange = self.flange_of(index)
+        return arm_standing(self.arm[index], flange, base_mm=self.base_mm, base_yaw_deg=self.base_yaw_deg)
+
+    def make_settings(self) -> StudySettings:
+        """How each arm is studied."""
+        from sim.reach.base_search import BaseQuestion
+        from sim.reach.study import StudySettings
+
+        low_mm, high_mm = self.base_height_mm
+        question = BaseQuestion(
+            n_bases=self.base_search,
+            n_poses=self.base_poses,
+            height_m=(low_mm * MM, high_mm * MM),
+            objective=self.base_objective,
+            seed=self.seed,
+            n_jobs=self.jobs,
+        )
+        return StudySettings(
+            max_tilt_rad=math.radians(self.tilt_deg),
+            max_restarts=self.restarts,
+            seed=self.seed,
+            n_jobs=self.jobs,
+            base=question if self.base_search else None,
+            writes_parquet=self.parquet,
+            overwrite=self.overwrite,
+            options=_plain(self),
+        )
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Study the arm or the arms and print the results; returns the exit code."""
+    from sim.reach.arm_comparison import compare_arms, folder_names
+    from sim.reach.study import reach_study
+
+    scenario = options.make_scenario()
+    out, settings = options.out_folder(scenario), options.make_settings()
+    try:
+        if len(options.arm) == 1:
+            arm = options.make_arm(0)
+            summary = reach_study(scenario, arm, out, settings, name=options.arm[0], notify=note)
+            print(reach_table(summary))
+            return 0
+        names = folder_names(options.arm)
+        arms = {name: options.make_arm(index) for index, name in enumerate(names)}
+        print(arms_summary(compare_arms(scenario, arms, out, settings, notify=note)))
+    except KeyboardInterrupt:
+        print(
+            "sounding: interrupted; a study writes its table at the end, so the folder is marked unfinished.",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
+    return 0
+
+
+def _plain(options: Options) -> dict[str, Any]:
+    """The options as config.json keeps them: groups opened."""
+    values = dataclasses.asdict(options)
+    return {**values.pop("case"), **values.pop("anatomy"), **values}

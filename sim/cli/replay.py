@@ -1,0 +1,79 @@
+"""`sounding replay`: what happened in a run, from its recorded states."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sim.errors import FieldError
+
+from .exit_codes import INTERRUPTED
+from .flags import parse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Show what happened in a run, from its recorded states.
+
+    Prints a line per action and checks each against the table of the run; with --video renders an MP4 as well. Nothing
+    is planned or solved again.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Folder of a run of `sounding episode`."""
+    video: Path | None = None
+    """MP4 file to write. Needs PyAV: pip install 'sounding[video]'."""
+    fps: int = 25
+    """Frames a second, from 1 to 120."""
+    speed: float = 4.0
+    """How many times faster than it happened."""
+    width_px: int = 960
+    """Width of the video [pixels], even, from 64 to 1920."""
+    height_px: int = 720
+    """Height of the video [pixels], even, from 64 to 1440."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not 1 <= self.fps <= 120:
+            raise FieldError("fps", self.fps, "from 1 to 120.")
+        if not 0.01 <= self.speed <= 1000.0:
+            raise FieldError("speed", self.speed, "from 0.01 to 1000.")
+        for name, most in (("width_px", 1920), ("height_px", 1440)):
+            value = getattr(self, name)
+            if not 64 <= value <= most or value % 2:
+                raise FieldError(name, value, f"an even number from 64 to {most}.")
+        if self.video is not None and self.video.suffix.lower() != ".mp4":
+            raise FieldError("video", self.video, "must end with .mp4.")
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Print the replay, and render it where a video is wanted; returns the exit code."""
+    from sim.record.recording import read_recording
+    from sim.viewing.replay import replay_table
+
+    recording = read_recording(options.folder)
+    if options.video is None:
+        print(replay_table(recording))
+        return 0
+    from sim.viewing.video import VideoSettings, write_video
+
+    settings = VideoSettings(
+        fps=options.fps, speed=options.speed, width_px=options.width_px, height_px=options.height_px
+    )
+    try:
+        n_frames = write_video(recording, options.video, settings)
+    except KeyboardInterrupt:
+        print("sounding: interrupted; no video was written.", file=sys.stderr)
+        return INTERRUPTED
+    print(f"{replay_table(recording)}\nwrote {n_frames} frames to {options.video}")
+    return 0

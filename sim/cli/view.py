@@ -1,0 +1,64 @@
+"""`sounding view`: a run in MuJoCo's viewer, or as a Rerun recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from sim.errors import FieldError
+
+from .exit_codes import INTERRUPTED
+from .flags import parse
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Open a run in MuJoCo's viewer and play its recorded motion, or log it as a Rerun recording.
+
+    The viewer needs a display; --rerun needs none.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Folder of a run of `sounding episode`."""
+    speed: float = 1.0
+    """How many times faster than it happened the viewer plays."""
+    rerun: Path | None = None
+    """Write a Rerun recording (.rrd) here, with its timelines, in place of opening the viewer. Needs
+    pip install 'sounding[rerun]'; `rerun FILE` opens it."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        if not 0.01 <= self.speed <= 1000.0:
+            raise FieldError("speed", self.speed, "from 0.01 to 1000.")
+        if self.rerun is not None and self.rerun.suffix != ".rrd":
+            raise FieldError("rerun", self.rerun, "must end with .rrd.")
+
+
+def parse_options(arguments: Sequence[str], prog: str) -> Options:
+    """The options given."""
+    return parse(Options, arguments, prog=prog)
+
+
+def run(options: Options) -> int:
+    """Show the run until the window is closed, or log it; returns the exit code."""
+    from sim.record.recording import read_recording
+    from sim.record.run_record import load_run
+    from sim.viewing.rerun_log import write_rerun
+    from sim.viewing.viewer import check_display, play
+
+    if options.rerun is not None:
+        n_actions = write_rerun(load_run(options.folder), read_recording(options.folder), options.rerun)
+        print(f"wrote {n_actions} actions to {options.rerun}; rerun {options.rerun} shows them")
+        return 0
+    recording = read_recording(options.folder)
+    check_display()
+    try:
+        play(recording, options.speed)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    print("closed")
+    return 0

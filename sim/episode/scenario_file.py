@@ -1,0 +1,137 @@
+"""Scenario files: TOML that describes a scenario, and the scenario as the plain data that a run's files keep."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sim.errors import UsageError
+from sim.world.case_files import CaseFiles, LabelChoice
+
+from .scenario import LIVER, NAMED_ORGANS, SCENARIOS, Scenario
+
+if TYPE_CHECKING:
+    from sim.world.case_files import Body
+
+FILE_KEYS = {
+    "tumour_files": "tumours",
+    "target_files": "targets",
+    "structure_files": "structures",
+    "keepout_files": "keepouts",
+}
+LABEL_KEYS = {
+    "organ_labels": "organ",
+    "tumour_labels": "tumours",
+    "target_labels": "targets",
+    "structure_labels": "structures",
+    "keepout_labels": "keepouts",
+}
+READING_KEYS = {"organ_unit": "unit", "organ_frame": "frame", "voxel_spacing_m": "spacing_m"}
+"""Keys of a scenario file that describe the case's files, and the fields of `CaseFiles` and `LabelChoice` they set."""
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """The scenario of that name, or the one that a TOML file describes.
+
+    A file holds fields of `Scenario`, and may start from a named one with `base = "sphere"`. Relative mesh paths are
+    relative to the file.
+
+    Raises:
+        UsageError: An unknown name, an unreadable file, an unknown key or a value out of range.
+    """
+    if name_or_path in SCENARIOS:
+        return SCENARIOS[name_or_path]
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        raise UsageError(f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file.")
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"{path}: cannot read this scenario file: {error.strerror}.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: not a valid TOML file: {error}") from error
+    return _from_table(path, table)
+
+
+def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
+    base = table.pop("base", None)
+    if base is not None and base not in SCENARIOS:
+        raise UsageError(f"{path}: base = {base!r}: not one of {', '.join(SCENARIOS)}.")
+    keys = (*FILE_KEYS, *LABEL_KEYS, *READING_KEYS, "label_coding")
+    known = [field.name for field in dataclasses.fields(Scenario) if field.name != "files"]
+    for key in table:
+        if key not in (*known, *keys):
+            raise UsageError(f"{path}: unknown key {key!r}. Known keys: base, {', '.join([*known, *keys])}.")
+    values = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+    values.setdefault("name", path.stem)
+    of_files = {key: values.pop(key) for key in keys if key in values}
+    try:
+        if values.get("organ", LIVER) not in NAMED_ORGANS:
+            values["files"] = _files_of(path.parent, str(values.pop("organ")), of_files)
+        else:
+            organ = str(values.get("organ", SCENARIOS[base].organ if base else LIVER))
+            _check_of_named_organ(organ, _files_of(path.parent, organ, of_files))
+        return dataclasses.replace(SCENARIOS[base] if base else Scenario(), **_without_organ(values))
+    except (TypeError, UsageError) as error:
+        raise UsageError(f"{path}: {error}") from error
+
+
+def _check_of_named_organ(organ: str, files: CaseFiles) -> None:
+    """Nothing, if keys about files may stand beside an organ that Sounding brings along, which has none."""
+    Scenario(files=files)  # which checks what is said of them
+    if files.has_targets:
+        raise UsageError(
+            f"target_files, target_labels: go with an organ's own file, not with organ={organ!r}."
+        )
+
+
+def _without_organ(values: dict[str, Any]) -> dict[str, Any]:
+    """The values, with the organ of a base scenario taken out where there are files."""
+    return values | ({"organ": LIVER} if "files" in values else {})
+
+
+def _files_of(folder: Path, organ: str, values: dict[str, Any]) -> CaseFiles:
+    """The files that the keys of a scenario file name; relative paths are relative to its folder."""
+    labels = {LABEL_KEYS[key]: value for key, value in values.items() if key in LABEL_KEYS}
+    if "label_coding" in values:
+        labels["coding"] = values["label_coding"]
+    named = {
+        FILE_KEYS[key]: tuple(str(folder / file) for file in value)
+        for key, value in values.items()
+        if key in FILE_KEYS
+    }
+    reading = {READING_KEYS[key]: value for key, value in values.items() if key in READING_KEYS}
+    return CaseFiles(organ=str(folder / organ), labels=LabelChoice(**labels), **named, **reading)
+
+
+def scenario_record(scenario: Scenario) -> dict[str, Any]:
+    """A scenario as plain data. A surface in memory is told by its size and a checksum, from which none can be read."""
+    files = scenario.case_files
+    of_files = None
+    if files is not None:
+        of_files = {field.name: _plain(getattr(files, field.name)) for field in dataclasses.fields(files)}
+    fields = [field.name for field in dataclasses.fields(scenario) if field.name not in ("organ", "files")]
+    return {
+        "organ": scenario.organ if files is None else of_files and of_files["organ"],
+        "files": of_files,
+        **{name: getattr(scenario, name) for name in fields},
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, LabelChoice):
+        return dataclasses.asdict(value)
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return value if value is None or isinstance(value, str | float) else _described(value)
+
+
+def _described(body: Body) -> str:
+    """A surface in memory in words."""
+    assert not isinstance(body, str)
+    vertices = getattr(body, "vertices_m", None)
+    content = (body.vertices if vertices is None else vertices).tobytes() + body.faces.tobytes()  # type: ignore[union-attr]
+    return f"in memory: {len(body.faces)} triangles, SHA-256 {hashlib.sha256(content).hexdigest()[:16]}"

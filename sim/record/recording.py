@@ -1,0 +1,115 @@
+"""The recording of a run: its states in time and the scene around them, which is what a replay plays."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from planner import Cone
+from sim.episode.motion import Motion
+from sim.errors import UsageError
+from sim.tables import read_rows
+from sim.world.scene.arm import ArmModel
+from sim.world.scene.named_arms import named_arm
+from sim.world.scene.scene import Scene, build_scene
+
+from .locked_folder import MANIFEST
+from .trajectories import read_anatomy, read_motions
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Recording:
+    """A run as it was recorded."""
+
+    folder: Path
+    scene: Scene
+    motions: dict[int, Motion]
+    """By step, in order."""
+    sensing_s: float
+    """How long the probe stays at the end of each motion."""
+    sensed_m: NDArray[np.float64]
+    """The poses' positions, shape (n_steps, 3) [m]."""
+
+    @property
+    def duration_s(self) -> float:
+        """Modelled time of the whole procedure."""
+        return sum(motion.motion_s + self.sensing_s for motion in self.motions.values())
+
+    def at(self, time_s: float) -> tuple[int, NDArray[np.float64]]:
+        """The step at a time of the procedure, and the last state recorded until then."""
+        steps = list(self.motions)
+        ends_s = np.cumsum([motion.motion_s + self.sensing_s for motion in self.motions.values()])
+        row = min(int(np.searchsorted(ends_s, time_s, side="right")), len(steps) - 1)
+        motion = self.motions[steps[row]]
+        since_s = time_s - (ends_s[row] - motion.motion_s - self.sensing_s)
+        index = int(np.searchsorted(motion.time_s, since_s, side="right")) - 1
+        return steps[row], motion.states[max(index, 0)]
+
+
+def read_recording(folder: Path) -> Recording:
+    """Read a run's folder.
+
+    Raises:
+        UsageError: It is not the folder of an episode, or one of its files is missing or broken.
+        WorldError: The arm's file is gone.
+    """
+    config = _config(folder)
+    options, scenario = config["options"], config["scenario"]
+    arm = None if options["arm"] == "none" else _arm(options)
+    cone = Cone(scenario["cone_half_angle_rad"], scenario["cone_depth_m"])
+    motions = read_motions(folder)
+    scene = build_scene(read_anatomy(folder), cone, arm=arm)
+    width = scene.model.nq or 7
+    if any(motion.states.shape[1] != width for motion in motions.values()):
+        raise UsageError(
+            f"{folder}: its states do not fit the arm {options['arm']}, which has changed since."
+        )
+    sensed_m = [
+        [float(row[f"position_{axis}_m"]) for axis in "xyz"] for row in read_rows(folder / "steps.csv")
+    ]
+    return Recording(
+        folder=folder,
+        scene=scene,
+        motions=motions,
+        sensing_s=float(options["sensing_s"]),
+        sensed_m=np.array(sensed_m).reshape(-1, 3),
+    )
+
+
+def _arm(options: dict[str, Any]) -> ArmModel:
+    """The arm of a run where it stood."""
+    x_mm, y_mm, z_mm = options["base_mm"]
+    return named_arm(
+        options["arm"],
+        options["flange"],
+        base_m=(x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3),
+        base_yaw_rad=math.radians(options["base_yaw_deg"]),
+    )
+
+
+def set_state(scene: Scene, data: mujoco.MjData, state: NDArray[np.float64]) -> None:
+    """Bring a scene to a recorded state."""
+    if scene.free_probe:
+        data.mocap_pos[0], data.mocap_quat[0] = state[:3], state[3:]
+    else:
+        data.qpos[:] = state
+    mujoco.mj_fwdPosition(scene.model, data)
+
+
+def _config(folder: Path) -> dict[str, Any]:
+    if not (folder / MANIFEST).is_file():
+        raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
+    try:
+        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+        if not {"arm", "flange", "sensing_s"} <= config["options"].keys():
+            raise KeyError("sensing_s")
+        return config
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{folder}: is not the folder of an episode with recorded motion.") from error

@@ -1,0 +1,175 @@
+"""The case at hand as plain data: a patient's files and how the organ lies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sim.episode.scenario import LIVER
+from sim.errors import FieldError, UsageError
+from sim.world.case_files import CaseFiles, LabelChoice
+from sim.world.meshes.file_kinds import CodingName, MeshFrame, Unit
+
+MOST_MM = 3000.0
+"""No organ stands farther from the arm's base than this."""
+MM = 1e-3
+"""A millimetre [m]."""
+PATIENT_FIELDS = (
+    *("tumour", "organ_label", "tumour_label", "target", "target_label"),
+    *("structure", "structure_label", "keepout", "keepout_label", "spacing_mm"),
+)
+"""Fields that mean nothing without a patient's own organ."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseConfig:
+    """A patient's files besides the organ's, and how to read them."""
+
+    tumour: tuple[Path, ...] = ()
+    """Meshes or label volumes of the true tumours, in the organ's coordinates, besides those in the organ's volume."""
+    unit: Unit = "mm"
+    """Unit of mesh files."""
+    mesh_frame: MeshFrame = "auto"
+    """Axes of mesh files: lps, ras, or auto for what the file's header says, and LPS where it says nothing."""
+    coding: CodingName = "auto"
+    """What a label volume's numbers mean: lits, msd-liver, 3d-ircadb, totalsegmentator, or auto to tell from the
+    labels."""
+    organ_label: tuple[int, ...] = ()
+    """Labels of the organ, in place of the coding's; tumours are added to it."""
+    tumour_label: tuple[int, ...] = ()
+    """Labels of tumours, in place of the coding's."""
+    target: tuple[Path, ...] = ()
+    """Meshes or label volumes of a second class, such as cysts, that is mapped beside the tumours."""
+    target_label: tuple[int, ...] = ()
+    """Labels of that class."""
+    structure: tuple[Path, ...] = ()
+    """Meshes or masks of vessels and other structures: shown, and measured to."""
+    structure_label: tuple[int, ...] = ()
+    """Labels of such structures."""
+    keepout: tuple[Path, ...] = ()
+    """Meshes or masks of structures near which the probe must not press."""
+    keepout_label: tuple[int, ...] = ()
+    """Labels of such structures."""
+    spacing_mm: tuple[float, float, float] | None = None
+    """Distances between a label volume's voxels [mm] in place of its header's, where that is wrong."""
+
+    def check(self, organ: Path | None) -> None:
+        """Nothing, if the fields go with the organ's file, which is None for the scenario's own organ.
+
+        Raises:
+            UsageError: Something is said of an organ that is not given.
+        """
+        for name in PATIENT_FIELDS:
+            if getattr(self, name) and organ is None:
+                raise UsageError(f"`{name}` goes with `organ`, the file of the patient that it tells about.")
+
+    def files(self, organ: Path) -> CaseFiles:
+        """The files of the patient, with the organ's, and how to read them."""
+        return CaseFiles(
+            organ=str(organ),
+            tumours=_texts(self.tumour),
+            targets=_texts(self.target),
+            structures=_texts(self.structure),
+            keepouts=_texts(self.keepout),
+            unit=self.unit,
+            frame=self.mesh_frame,
+            labels=LabelChoice(
+                coding=self.coding,
+                organ=self.organ_label,
+                tumours=self.tumour_label,
+                targets=self.target_label,
+                structures=self.structure_label,
+                keepouts=self.keepout_label,
+            ),
+            spacing_m=None if self.spacing_mm is None else metres(self.spacing_mm),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnatomyConfig:
+    """What is planted in the organ, how it lies, and how near the probe may press to what."""
+
+    n_tumours: int | None = None
+    """Tumours to generate where no file holds any. The scenario's by default, with an organ of one's own none."""
+    target_name: str | None = None
+    """What to call the second class; target by default."""
+    keepout_mm: float = 5.0
+    """How near the probe may press to structures to keep away from [mm]."""
+    organ_pose: tuple[str, ...] = ()
+    """How the organ lies; anterior up on the table by default. `best`: whichever way up brings the largest surface
+    within the arm's reach. Three numbers: turned from anterior up about the world's x, y and z [degrees]. Seven:
+    position [mm] and quaternion (wxyz) of the files' LPS axes in the world."""
+
+
+def scenario_changes(organ: Path | None, case: CaseConfig, anatomy: AnatomyConfig) -> dict[str, Any]:
+    """The fields of a `Scenario` that a case changes.
+
+    Args:
+        organ: The organ's file; None for the scenario's own organ.
+        case: The patient's other files.
+        anatomy: What is planted, and how the organ lies.
+
+    Raises:
+        UsageError: A pose of the organ that cannot be, or fields that do not go together.
+    """
+    case.check(organ)
+    changes: dict[str, Any] = pose_changes(anatomy.organ_pose)
+    if anatomy.n_tumours is not None:
+        changes |= {"n_tumours": anatomy.n_tumours, "tumour_load": "fixed"}
+    if organ is not None:
+        changes |= {
+            "name": organ.name.split(".")[0],
+            "organ": LIVER,
+            "files": case.files(organ),
+            "keepout_distance_m": anatomy.keepout_mm * MM,
+            "n_tumours": anatomy.n_tumours or 0,
+            "tumour_load": "fixed",
+        }
+    if anatomy.target_name is not None:
+        changes["target_name"] = anatomy.target_name
+    return changes
+
+
+def pose_changes(words: tuple[str, ...]) -> dict[str, Any]:
+    """The fields of a `Scenario` that say how the organ lies.
+
+    Args:
+        words: Nothing, `anterior-up`, `best`, three angles [degrees], or a position [mm] and a quaternion (wxyz).
+
+    Raises:
+        FieldError: Something else.
+    """
+    if not words or words == ("anterior-up",):
+        return {}
+    if words == ("best",):
+        return {"organ_placing": "best"}
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = []
+    if len(numbers) == 3 and all(abs(each) <= 360.0 for each in numbers):
+        return {"organ_turn_rad": tuple(math.radians(each) for each in numbers)}
+    is_pose = len(numbers) == 7 and all(abs(each) <= MOST_MM for each in numbers[:3])
+    if is_pose and 0.0 < math.hypot(*numbers[3:]) < math.inf:
+        return {
+            "organ_position_m": tuple(each * MM for each in numbers[:3]),
+            "organ_quaternion": tuple(numbers[3:]),
+        }
+    raise FieldError(
+        "organ_pose",
+        words,
+        "anterior-up, best, three angles [degrees] up to 360, or seven numbers: X Y Z [mm] and QW QX QY QZ, not all "
+        "zero.",
+    )
+
+
+def metres(lengths_mm: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Three lengths in metres."""
+    x_mm, y_mm, z_mm = lengths_mm
+    return x_mm * MM, y_mm * MM, z_mm * MM
+
+
+def _texts(files: tuple[Path, ...]) -> tuple[str, ...]:
+    return tuple(str(file) for file in files)

@@ -1,0 +1,313 @@
+"""The parts of an episode, made once from its configuration: scenario, planner, sensor, map, arm and motion."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mapping import InsetSettings, MapSettings, TumourMapFactory, make_hilbert_map
+from planner import Planner, make_planner
+from sim.episode.scenario import GENERATED_LIVER, Scenario
+from sim.episode.scenario_file import load_scenario
+from sim.errors import FieldError, UsageError
+from sim.plugs import MAPS, PLANNERS, SENSORS, is_plug, load_plug, make_plug, parse_plug_options
+from sim.world.motion.servo_settings import ServoSettings
+from sim.world.motion.settings import MotionKind, MotionSettings
+
+from .case import MM, metres, scenario_changes
+from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
+
+if TYPE_CHECKING:
+    from sim.world.scene.arm import ArmModel
+    from sim.world.sensing.sensor import Sensor
+
+MAX_POSITION_MM = 10_000.0
+"""Positions farther out than this from the world's origin are a mistake of unit."""
+METRES_MM = 3.0
+"""A position all of whose numbers are below this was likely given in metres."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpisodeParts:
+    """Everything that decides an episode."""
+
+    scenario: Scenario
+    planner: Planner
+    sensor: Sensor
+    make_map: TumourMapFactory | None
+    """Makes the map of the tumours, and that of a second class; None where no map is kept."""
+    map_settings: MapSettings
+    insets: InsetSettings | None
+    """Of the finer maps laid in where tumour was sensed; None for none."""
+    arm: ArmModel | None
+    """None for a free-flying probe."""
+    motion: MotionKind
+    motion_settings: MotionSettings
+    servo_settings: ServoSettings
+    seed: int
+    n_steps: int
+    """Sensing actions at most."""
+    until_sensed: float | None
+    """Share of the tumours sensed at which the episode ends; None for never."""
+    until_confident: float | None
+    """Confidence of the planner at which the episode ends; None for never."""
+    plans_for_target: bool
+    """Whether the planner is shown the map of a second class in place of the tumours'."""
+    names: dict[str, Any]
+    """What planner and arm are called in summaries."""
+
+    @property
+    def keeps_map(self) -> bool:
+        """Whether a map is kept."""
+        return self.make_map is not None
+
+
+def make_parts(
+    config: EpisodeConfig,
+    *,
+    scenario: Scenario | None = None,
+    planner: Planner | None = None,
+    sensor: Sensor | None = None,
+    make_map: TumourMapFactory | None = None,
+) -> EpisodeParts:
+    """The parts that a configuration describes.
+
+    Args:
+        config: What to run.
+        scenario: In place of the one that the configuration names.
+        planner: Likewise; the map's settings are those that this planner prefers, unless the configuration names them.
+        sensor: Likewise.
+        make_map: Likewise.
+
+    Raises:
+        UsageError, WorldError, PlannerError: Something cannot be made.
+    """
+    from sim.world.sensing.cone_sensor import ConeSensor
+
+    planner = planner or planner_of(config)
+    if sensor is None:
+        sensor = (
+            ConeSensor()
+            if config.sensor == CONE
+            else _own(config.sensor, SENSORS, config.sensing.sensor_option)
+        )
+    settings = map_settings_of(config, planner)
+    return EpisodeParts(
+        scenario=scenario_of(config, scenario),
+        planner=planner,
+        sensor=sensor,
+        make_map=make_map or _map_of(config, planner),
+        map_settings=settings,
+        insets=insets_of(config, planner),
+        arm=arm_of(config),
+        motion=config.moving.motion,
+        motion_settings=motion_settings_of(config),
+        servo_settings=servo_settings_of(config),
+        seed=config.seed,
+        n_steps=config.steps,
+        until_sensed=config.until_sensed,
+        until_confident=config.until_confident,
+        plans_for_target=config.planning.plan_for == "target",
+        names={"planner": config.planner, "arm": config.arm},
+    )
+
+
+def check_config(config: EpisodeConfig) -> None:
+    """Nothing, if all parts but what a user brings by text can be made; called early, before much is built.
+
+    Raises:
+        UsageError, PlannerError: A value is out of range.
+    """
+    scenario_of(config)
+    motion_settings_of(config)
+    servo_settings_of(config)
+    if not is_plug(config.planner, PLANNERS):
+        map_settings_of(config, planner_of(config))
+
+
+def scenario_of(config: EpisodeConfig, scenario: Scenario | None = None) -> Scenario:
+    """The scenario with what the configuration changes about it.
+
+    Args:
+        config: What to run.
+        scenario: In place of the one that the configuration names.
+
+    Raises:
+        UsageError: There is no such scenario, or a value is out of range.
+    """
+    scenario = scenario or load_scenario(config.scenario)
+    changes = scenario_changes(config.organ, config.case, config.anatomy)
+    if scenario.has_organ(GENERATED_LIVER) and scenario.organ_seed is None:
+        changes["organ_seed"] = config.seed
+    if config.sensing.cone_half_angle_deg is not None:
+        changes["cone_half_angle_rad"] = math.radians(config.sensing.cone_half_angle_deg)
+    if config.sensing.cone_depth_mm is not None:
+        changes["cone_depth_m"] = config.sensing.cone_depth_mm * MM
+    scenario = dataclasses.replace(scenario, **changes)
+    if config.planning.plan_for == "target" and not scenario.has_target:
+        raise FieldError(
+            "plan_for",
+            "target",
+            "there is none. Name its bodies with `target` or `target_label`, or leave it out.",
+        )
+    return scenario
+
+
+def planner_of(config: EpisodeConfig) -> Planner:
+    """The planner with its options.
+
+    Raises:
+        PlannerError, PlugError: It cannot be made.
+    """
+    if is_plug(config.planner, PLANNERS):
+        return _own(config.planner, PLANNERS, config.planning.planner_option)
+    if config.planning.planner_option:
+        raise FieldError(
+            "planner_option",
+            config.planning.planner_option,
+            f"goes with a planner of your own; {config.planner} has options of their own names.",
+        )
+    if config.planner == "find-and-outline":
+        own = config.find_and_outline
+        return make_planner(
+            config.planner,
+            travel_weight=own.travel_weight,
+            batch=own.batch,
+            sure_radius_m=own.sure_radius_mm * MM,
+        )
+    if config.planner == "expected-improvement":
+        ei = config.expected_improvement
+        return make_planner(
+            config.planner,
+            values=ei.ei_values,
+            pose_rule=ei.ei_pose_rule,
+            threshold_rad=math.radians(ei.ei_threshold_deg),
+            exclusion_share=ei.ei_exclusion_share,
+            exclude_sensed=not ei.ei_reuse_poses,
+        )
+    return make_planner(config.planner)
+
+
+def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
+    """The map's settings: those that the planner prefers, unless the configuration names them.
+
+    Raises:
+        UsageError: A value is out of range.
+    """
+    own = config.mapping
+    settings = MapSettings.paper() if _map_name(config, planner) == "paper" else MapSettings()
+    changes: dict[str, Any] = {
+        "form": own.map_form,
+        "prior_prevalence": own.prior_prevalence,
+        "weight_variance": own.weight_variance,
+        "n_em_iterations": own.em_iterations,
+    }
+    try:
+        return dataclasses.replace(
+            settings, **{name: value for name, value in changes.items() if value is not None}
+        )
+    except ValueError as error:
+        raise UsageError(f"{error}.") from error
+
+
+def insets_of(config: EpisodeConfig, planner: Planner) -> InsetSettings | None:
+    """Settings of the finer maps; None for none."""
+    wanted = config.mapping.map_insets
+    is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
+    return InsetSettings() if is_on else None
+
+
+def motion_settings_of(config: EpisodeConfig) -> MotionSettings:
+    """Speeds and times of the motion.
+
+    Raises:
+        UsageError: A value is out of range.
+    """
+    own = config.moving
+    try:
+        return MotionSettings(
+            joint_speed=own.joint_speed,
+            joint_acceleration=own.joint_acceleration,
+            tip_speed_m_s=own.tip_speed_mm_s * MM,
+            approach_speed_m_s=own.approach_speed_mm_s * MM,
+            sensing_s=own.sensing_s,
+        )
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
+    """Settings of the simulated arm.
+
+    Raises:
+        UsageError: A value is out of range.
+    """
+    own = config.moving
+    changes = {} if own.stiffness_n_m is None else {"stiffness_n_m": own.stiffness_n_m}
+    try:
+        return ServoSettings(press_m=own.press_mm * MM, force_limit_n=own.force_limit_n, **changes)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+def arm_of(config: EpisodeConfig) -> ArmModel | None:
+    """The arm, where it stands; None for a free-flying probe.
+
+    Raises:
+        UsageError, WorldError: The base cannot stand there, or the arm's package is not installed.
+    """
+    if config.arm == "none":
+        return None
+    own = config.mounting
+    return arm_standing(config.arm, own.flange, base_mm=own.base_mm, base_yaw_deg=own.base_yaw_deg)
+
+
+def arm_standing(
+    arm: str, flange: str | None, *, base_mm: tuple[float, float, float], base_yaw_deg: float
+) -> ArmModel:
+    """The arm of a name or file, with its base where people say in millimetres and degrees.
+
+    Raises:
+        UsageError: Numbers that are not finite or too large, or a position that was likely given in metres.
+        WorldError: There is no such arm.
+    """
+    from sim.world.scene.named_arms import named_arm
+
+    check_base(base_mm, base_yaw_deg)
+    return named_arm(arm, flange, base_m=metres(base_mm), base_yaw_rad=math.radians(base_yaw_deg))
+
+
+def check_base(base_mm: tuple[float, float, float], base_yaw_deg: float) -> None:
+    """Nothing, if a base can stand there.
+
+    Raises:
+        FieldError: Numbers that are not finite or too large, or a position that was likely given in metres.
+    """
+    shown = tuple(f"{value:g}" for value in base_mm)
+    if not all(math.isfinite(value) and abs(value) <= MAX_POSITION_MM for value in base_mm):
+        raise FieldError("base_mm", shown, f"finite numbers of at most {MAX_POSITION_MM:.0f} mm.")
+    if 0.0 < max(abs(value) for value in base_mm) < METRES_MM:
+        raise FieldError("base_mm", shown, f"below {METRES_MM:g} mm; was it given in metres?")
+    if not math.isfinite(base_yaw_deg) or abs(base_yaw_deg) > 360.0:
+        raise FieldError("base_yaw_deg", f"{base_yaw_deg:g}", "from -360 to 360 degrees.")
+
+
+def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
+    """What makes the map, None where none is kept."""
+    kept = config.mapping.map
+    if is_plug(kept, MAPS):
+        factory, options = load_plug(kept, MAPS), parse_plug_options(config.mapping.map_option)
+        return lambda space: factory(space, **options)
+    is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
+    return make_hilbert_map if is_kept else None
+
+
+def _map_name(config: EpisodeConfig, planner: Planner) -> str:
+    return config.mapping.map_settings or planner.preferred_map
+
+
+def _own(text: str, kind: Any, words: tuple[str, ...]) -> Any:
+    """What a user brings by text, made with its options."""
+    return make_plug(text, kind, parse_plug_options(words))

@@ -1,0 +1,287 @@
+"""The program behind `sounding episode`: an episode with its progress bar, run folder, frames, figures and report."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from threadpoolctl import threadpool_limits
+from tqdm import tqdm
+
+from planner import Planner
+from sim.episode.arm_motion import make_motion_model
+from sim.episode.episode import Episode, Step
+from sim.episode.motion import ProcedureStoppedError
+from sim.episode.setup import Setup, build_setup
+from sim.findings.structure_distances import distance_rows
+from sim.interrupt import NotedInterrupt
+from sim.notices import Notify, print_notice
+from sim.pictures.frames import EpisodeFrames
+from sim.record.locked_folder import check_out_folder
+from sim.record.run_folder import RunFolder
+from sim.record.step_files import write_map, write_step
+from sim.record.trajectories import write_anatomy, write_motion
+from sim.world.scene.rendering import SceneRenderer
+
+from .config import EpisodeConfig, Frames
+from .config_file import recorded_config, run_config
+from .fields import changed
+from .parts import EpisodeParts, make_parts
+from .summary import Totals, episode_summary
+
+if TYPE_CHECKING:
+    from mapping import TumourMapFactory
+    from sim.episode.scenario import Scenario
+    from sim.world.sensing.sensor import Sensor
+
+_MANY_SKIPPED = 100
+"""Poses in a row out of the arm's reach from which on that is worth a word."""
+_SKIPPED_NOTE = (
+    f"note: the arm reaches none of the {_MANY_SKIPPED} poses chosen last; still looking for one that it reaches. "
+    "`sounding reach` with the same arm and organ shows where there are any; the organ pose `best` moves the organ."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """What a run writes, and where."""
+
+    folder: Path
+    options: Mapping[str, Any]
+    """The configuration as plain data, which config.json keeps."""
+    frames: Frames = "none"
+    report: bool = True
+    overwrite: bool = False
+    """Replace a run that the folder already holds."""
+
+
+def run_episode(
+    *,
+    scenario: Scenario | str = "liver",
+    planner: Planner | str = "find-and-outline",
+    sensor: Sensor | str = "cone",
+    tumour_map: TumourMapFactory | str = "always",
+    show_progress: bool = True,
+    **options: Any,
+) -> dict[str, Any]:
+    """Run an episode and write its folder, with report and everything, as `sounding episode` does.
+
+    Args:
+        scenario: A scenario, or what `--scenario` takes.
+        planner: A planner, or what `--planner` takes. The map has the settings that it prefers.
+        sensor: A sensor, or what `--sensor` takes.
+        tumour_map: What makes the map, such as a class of one's own; or what `--map` takes.
+        show_progress: Draw a progress bar and print notes on stderr.
+        options: All other options of `sounding episode` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
+
+    Returns:
+        The summary, as summary.json has it.
+
+    Raises:
+        UsageError, WorldError, PlannerError: Something cannot be done; nothing was written then.
+        KeyboardInterrupt: Again, after what was done has been written.
+    """
+    given = {"scenario": scenario, "planner": planner, "sensor": sensor, "map": tumour_map}
+    named = {name: value for name, value in given.items() if isinstance(value, str)}
+    config = changed(EpisodeConfig(), **named, **options)
+    brought = {name: value for name, value in given.items() if not isinstance(value, str)}
+    parts = make_parts(
+        config,
+        scenario=brought.get("scenario"),
+        planner=brought.get("planner"),
+        sensor=brought.get("sensor"),
+        make_map=brought.get("map"),
+    )
+    record = recorded_config(config, brought)
+    parts = replace(parts, names=parts.names | {"planner": record["planner"]})
+    return record_episode(parts, output_of(config, parts, record), show_progress=show_progress)
+
+
+def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:
+    """Where and what a configuration writes; the folder names scenario, planner and seed where it names none."""
+    planner = str(parts.names["planner"]).rpartition(":")[2]
+    return Output(
+        folder=config.out or Path("renders") / f"{parts.scenario.name}-{planner}-{config.seed}",
+        options=options,
+        frames=config.frames,
+        report=config.output.report,
+        overwrite=config.output.overwrite,
+    )
+
+
+def make_episode(
+    parts: EpisodeParts, setup: Setup, *, planner: Planner | None = None, casts_rays: bool = True
+) -> Episode:
+    """The episode of some parts.
+
+    Args:
+        parts: What to run.
+        setup: That of the parts' scenario and arm.
+        planner: One that ranks as the parts' planner does, in its place.
+        casts_rays: Whether readings hold points; see `Episode`.
+
+    Raises:
+        WorldError, PlannerError: Something cannot be done.
+    """
+    return Episode(
+        setup,
+        planner or parts.planner,
+        seed=parts.seed,
+        map_settings=parts.map_settings,
+        insets=parts.insets,
+        tumour_map=parts.make_map,
+        sensor=parts.sensor,
+        motion_model=make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings),
+        sensing_s=parts.motion_settings.sensing_s,
+        casts_rays=casts_rays,
+        plans_for_target=parts.plans_for_target,
+    )
+
+
+def record_episode(
+    parts: EpisodeParts,
+    output: Output,
+    *,
+    setup: Setup | None = None,
+    show_progress: bool = True,
+    notify: Notify = print_notice,
+) -> dict[str, Any]:
+    """Run an episode of some parts and write its folder; returns the summary.
+
+    Args:
+        parts: What to run.
+        output: What to write.
+        setup: That of the parts' scenario and arm, where the caller has it already.
+        show_progress: Draw a progress bar on stderr and tell notices.
+        notify: Tells a notice; on stderr by default.
+
+    Raises:
+        UsageError, WorldError, PlannerError: Something cannot be done; nothing was written then.
+        KeyboardInterrupt: Again, after what was done has been written.
+    """
+    start_s = perf_counter()
+    check_out_folder(output.folder, overwrite=output.overwrite)
+    # One BLAS thread: two pools on two threads fight; and bytes repeat.
+    with threadpool_limits(limits=1), ExitStack() as stack:
+        setup = setup or build_setup(parts.scenario, parts.arm, parts.map_settings)
+        episode = make_episode(parts, setup)
+        renderer = None
+        if output.frames != "none":
+            renderer = stack.enter_context(SceneRenderer(episode.truth.scene))
+        folder = stack.enter_context(RunFolder(output.folder, overwrite=output.overwrite))
+        folder.begin(run_config(parts, setup, output.options), {"seed": parts.seed})
+        write_anatomy(folder, episode.truth.anatomy)
+        for notice in (*setup.notices, *episode.truth.anatomy.notices) if show_progress else ():
+            notify(notice)
+        run = _EpisodeRun(parts, output, folder, episode, EpisodeFrames(folder.path, episode, renderer))
+        interrupt = stack.enter_context(NotedInterrupt())
+        return run.run(interrupt, start_s, show_progress=show_progress)
+
+
+class _EpisodeRun:
+    """An episode that is written as it goes, with its folder closed whatever ends it."""
+
+    def __init__(
+        self, parts: EpisodeParts, output: Output, folder: RunFolder, episode: Episode, frames: EpisodeFrames
+    ) -> None:
+        self._parts, self._output, self._folder = parts, output, folder
+        self._episode, self._frames = episode, frames
+        self._totals, self._status = Totals(), "finished"
+        self._has_told_of_reach = False
+
+    def run(self, interrupt: NotedInterrupt, start_s: float, *, show_progress: bool) -> dict[str, Any]:
+        """Sense until the end and return the summary; what began at `start_s` was the set-up until now."""
+        setup_s = perf_counter() - start_s
+        try:
+            self._sense(interrupt, show_progress=show_progress)
+        except KeyboardInterrupt:
+            self._status = "interrupted"
+            raise
+        except ProcedureStoppedError as error:
+            self._status = "stopped"
+            write_motion(self._folder, len(self._totals.steps) + 1, error.motion)
+            raise
+        finally:
+            summary = self._finish(setup_s, start_s)
+        return summary
+
+    def _sense(self, interrupt: NotedInterrupt, *, show_progress: bool) -> None:
+        parts, draws_each = self._parts, self._output.frames == "each"
+        with tqdm(
+            total=parts.n_steps, desc="sensing", unit="action", mininterval=0.5, disable=not show_progress
+        ) as progress:
+            steps = self._episode.steps(
+                parts.n_steps,
+                until_sensed=parts.until_sensed,
+                until_confident=parts.until_confident,
+                on_skipped=partial(self._tell_skipped, progress, interrupt),
+            )
+            for step in steps:
+                self._totals.add(step)
+                write_step(self._folder, self._episode, step)
+                if draws_each:
+                    self._frames.draw(f"{step.step:04d}.png", step)
+                progress.set_postfix_str(_postfix(step), refresh=False)
+                progress.update()
+                if interrupt.is_set:
+                    raise KeyboardInterrupt
+
+    def _tell_skipped(self, progress: tqdm[NoReturn], interrupt: NotedInterrupt, n_in_a_row: int) -> None:
+        """Say how the search for a pose within reach goes, which is long where there is hardly any."""
+        if interrupt.is_set:
+            raise KeyboardInterrupt
+        if n_in_a_row < _MANY_SKIPPED:
+            return
+        progress.set_postfix_str(f"{n_in_a_row} poses in a row out of reach")
+        if not (self._has_told_of_reach or progress.disable):
+            progress.write(_SKIPPED_NOTE, file=sys.stderr)
+        self._has_told_of_reach = True
+
+    def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
+        """Write the last frame, the final map, the figures and the summary."""
+        from sim.pictures.run_figures import draw_run_figures  # see `_publish`
+
+        folder, episode, totals, parts = self._folder, self._episode, self._totals, self._parts
+        if self._output.frames == "last" and totals.steps:
+            self._frames.draw("final.png", totals.steps[-1])
+        self._frames.close()
+        summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
+        summary |= {
+            "folder": str(folder.path),
+            "status": self._status,
+            "setup_s": setup_s,
+            "render_s": self._frames.draw_s,
+            "wall_s": perf_counter() - start_s,
+        }
+        write_map(folder, episode, is_final=True)
+        for row in distance_rows(episode, parts.map_settings.prior_prevalence):
+            folder.append_row("structures.csv", row)
+        if totals.steps:
+            draw_run_figures(folder.path, episode, totals.steps)
+        folder.write_json("summary.json", summary)
+        self._publish()
+        return summary
+
+    def _publish(self) -> None:
+        """Write what the finished folder holds for others, and its report."""
+        # Imported here: half a second that the workers of trials, which write no folder, need not wait for.
+        from sim.findings.results import write_results
+        from sim.record.run_record import load_run
+        from sim.report import write_report
+
+        findings = write_results(load_run(self._folder.path))
+        self._folder.finish(self._status)
+        if self._output.report:
+            write_report(self._folder.path, findings)
+
+
+def _postfix(step: Step) -> str:
+    auprc = "–" if step.auprc is None else f"{step.auprc:.2f}"
+    sensed = "–" if step.sensed_fraction is None else f"{step.sensed_fraction:.0%}"
+    return f"AUPRC {auprc}, sensed {sensed}"

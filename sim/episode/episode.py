@@ -24,7 +24,9 @@ from mapping import (
 from planner import Planner, Situation
 from sim.world.ik.result import IkResult
 from sim.world.motion.settings import MotionSettings
-from sim.world.sensing.probe import Probe, ProbeSettings, Reading
+from sim.world.sensing.cone_sensor import ConeSensor
+from sim.world.sensing.reading import Reading
+from sim.world.sensing.sensor import SceneState, Sensor
 
 from .arm_motion import make_motion_model
 from .motion import Motion, MotionModel
@@ -80,7 +82,7 @@ class Episode:
         seed: int,
         map_settings: MapSettings | None = None,
         insets: InsetSettings | None = None,
-        probe_settings: ProbeSettings | None = None,
+        sensor: Sensor | None = None,
         motion_model: MotionModel | None = None,
         sensing_s: float = MotionSettings().sensing_s,
         has_map: bool = True,
@@ -95,7 +97,7 @@ class Episode:
             seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
             map_settings: Of the map.
             insets: Of the finer maps laid in where tumour was sensed; None for none.
-            probe_settings: Of the readings.
+            sensor: Makes the readings; None for the paper's exact cone.
             motion_model: Moves the probe between poses, for this episode alone; one that jumps by default.
             sensing_s: Modelled time of a sensing action.
             has_map: Whether a map is kept; only planners that need no belief can go without.
@@ -131,7 +133,8 @@ class Episode:
             )
         self._plans_for_target = plans_for_target
         self._casts_rays = casts_rays
-        self._probe = Probe(scene, probe_settings)
+        self._scene_state = SceneState(scene, self.data)
+        self._sensor = ConeSensor() if sensor is None else sensor
         self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
         self.readings: list[LabelledPoints] = []
@@ -262,8 +265,8 @@ class Episode:
 
     def _read(self) -> Reading:
         if self._casts_rays:
-            return self._probe.sense(self.data, self._sensor_rng)
-        return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._probe.tip_pose(self.data))
+            return self._sensor.sense(self._scene_state, self._sensor_rng)
+        return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
 
     def _note_sensed(self, reading: Reading) -> None:
         """Mark the detection points that lie in the cone that was really cast."""

@@ -38,7 +38,7 @@ from planner import make_planner
 from sim.episode.episode import Episode
 from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup, build_setup
-from sim.world.sensing.probe import Reading
+from sim.world.sensing.reading import Reading
 
 PLANNERS = ("random", "expected-improvement")
 

@@ -29,7 +29,7 @@ from sim.comparison.tables import interval_text, table
 from sim.episode.episode import Episode
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import Setup, build_setup
-from sim.world.sensing.probe import Reading
+from sim.world.sensing.reading import Reading
 
 SENSED = 0.95
 NOISE_STREAM = 1

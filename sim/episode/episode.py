@@ -26,7 +26,9 @@ from mapping import (
 from planner import Planner, Situation
 from sim.world.ik.result import IkResult
 from sim.world.motion.settings import MotionSettings
-from sim.world.sensing.probe import Probe, ProbeSettings, Reading
+from sim.world.sensing.cone_sensor import ConeSensor
+from sim.world.sensing.reading import Reading
+from sim.world.sensing.sensor import SceneState, Sensor
 
 from .arm_motion import make_motion_model
 from .motion import Motion, MotionModel
@@ -83,7 +85,7 @@ class Episode:
         map_settings: MapSettings | None = None,
         insets: InsetSettings | None = None,
         tumour_map: TumourMapFactory | None = make_hilbert_map,
-        probe_settings: ProbeSettings | None = None,
+        sensor: Sensor | None = None,
         motion_model: MotionModel | None = None,
         sensing_s: float = MotionSettings().sensing_s,
         casts_rays: bool = True,
@@ -100,7 +102,7 @@ class Episode:
             tumour_map: Makes the map that is kept, from what it is made for: `make_hilbert_map`, or a class of one's
                 own. None keeps no map, which only planners that need no belief can go without. A second class gets a
                 map of its own.
-            probe_settings: Of the readings.
+            sensor: Makes the readings; None for the paper's exact cone.
             motion_model: Moves the probe between poses, for this episode alone; one that jumps by default.
             sensing_s: Modelled time of a sensing action.
             casts_rays: Whether readings hold points. Without a map nothing but the share sensed is asked of a
@@ -134,7 +136,8 @@ class Episode:
             )
         self._plans_for_target = plans_for_target
         self._casts_rays = casts_rays
-        self._probe = Probe(scene, probe_settings)
+        self._scene_state = SceneState(scene, self.data)
+        self._sensor = ConeSensor() if sensor is None else sensor
         self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
         self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
         self.readings: list[LabelledPoints] = []
@@ -265,8 +268,8 @@ class Episode:
 
     def _read(self) -> Reading:
         if self._casts_rays:
-            return self._probe.sense(self.data, self._sensor_rng)
-        return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._probe.tip_pose(self.data))
+            return self._sensor.sense(self._scene_state, self._sensor_rng)
+        return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
 
     def _note_sensed(self, reading: Reading) -> None:
         """Mark the detection points that lie in the cone that was really cast."""

@@ -15,7 +15,7 @@ from mapping import (
     evaluate_map,
 )
 from planner import Cone
-from sim.world.sensing.probe import Reading
+from sim.world.sensing.reading import Reading
 
 from .truth import TargetTruth
 
@@ -55,11 +55,19 @@ class TargetBelief:
         return self.truth.anatomy.name
 
     def learn(self, reading: Reading) -> TargetScore:
-        """Take in what an action returned of the class."""
+        """Take in what an action returned of the class.
+
+        Raises:
+            ValueError: There is a map, and the reading has no labels of the class.
+        """
         T = reading.T_world_probe
         self._is_sensed |= self._cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
         if self.tumour_map is not None:
-            assert reading.is_target is not None
+            if reading.is_target is None:
+                raise ValueError(
+                    f"The scene has a second class, {self.name}, but is_target of the reading is None: "
+                    "the sensor must label its points for that class too."
+                )
             self.readings.append(LabelledPoints(reading.points_m, reading.is_target))
             self.tumour_map.update(reading.points_m, reading.is_target)
             self._predict()

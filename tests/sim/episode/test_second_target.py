@@ -11,7 +11,7 @@ import trimesh
 from two_classes import options, sensed, setup_of, write_meshes
 
 from mapping import HilbertMap, average_precision
-from planner import Workspace
+from planner import RandomOrder, Workspace
 from sim.episode.episode import Episode
 from sim.episode.positioner import FreePositioner
 from sim.episode.scenario import Scenario
@@ -19,7 +19,8 @@ from sim.episode.setup import Setup
 from sim.errors import UsageError
 from sim.running.options import EpisodeOptions
 from sim.world.scene.scene import build_scene
-from sim.world.sensing.probe import Probe
+from sim.world.sensing.cone_sensor import ConeSensor
+from sim.world.sensing.sensor import SceneState
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,18 @@ def reading_in(anatomy, cone):
     above = Workspace(np.array([[0.5, 0.0, 0.12]]), np.array([[0.0, 0.0, -1.0]]))
     data = scene.new_data()
     FreePositioner(scene, above).place(data, 0, is_lifted=False)
-    return Probe(scene).sense(data, np.random.default_rng(0))
+    return ConeSensor().sense(SceneState(scene, data), np.random.default_rng(0))
+
+
+class OneClassSensor(ConeSensor):
+    def sense(self, state, rng):
+        return dataclasses.replace(super().sense(state, rng), is_target=None)
+
+
+def test_a_sensor_that_leaves_the_second_class_out_is_told_so(setup) -> None:
+    episode = Episode(setup, RandomOrder(), seed=0, sensor=OneClassSensor())
+    with pytest.raises(ValueError, match="has a second class, cysts, but is_target of the reading is None"):
+        next(episode.steps(1))
 
 
 def test_the_tumours_know_nothing_of_it(case, setup, both) -> None:

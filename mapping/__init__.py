@@ -17,6 +17,7 @@ from .metrics import (
 )
 from .prediction import Prediction
 from .settings import MapSettings
+from .tumour_map import MapSpace, TumourMap, TumourMapFactory, make_hilbert_map
 
 __all__ = [
     "DetailedMap",
@@ -26,13 +27,17 @@ __all__ = [
     "Lattice",
     "MapMetrics",
     "MapSettings",
+    "MapSpace",
     "PrecisionRecallCurve",
     "Prediction",
+    "TumourMap",
+    "TumourMapFactory",
     "UpdateReport",
     "average_precision",
     "dice",
     "evaluate_map",
     "expected_calibration_error",
     "log_loss",
+    "make_hilbert_map",
     "precision_recall_curve",
 ]

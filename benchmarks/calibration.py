@@ -33,6 +33,7 @@ from mapping import (
     dice,
     expected_calibration_error,
     log_loss,
+    make_hilbert_map,
 )
 from planner import make_planner
 from sim.episode.episode import Episode
@@ -69,7 +70,11 @@ def collect(planner: str, seeds: range, n_readings: int, settings: list[Choice])
     for seed in seeds:
         chooser = make_planner(planner)
         episode = Episode(
-            setup, chooser, seed=seed, map_settings=MapSettings.paper(), tumour_map=make_hilbert_map if chooser.needs_belief else None
+            setup,
+            chooser,
+            seed=seed,
+            map_settings=MapSettings.paper(),
+            tumour_map=make_hilbert_map if chooser.needs_belief else None,
         )
         readings = [step.reading for step in episode.steps(n_readings)]
         truths.append(episode.truth.is_tumour)

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import tyro
+from sim.running.options import EpisodeOptions
+from sim.running.run import arm_model
 from threadpoolctl import threadpool_limits
 
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
-from sim.running.options import EpisodeOptions
-from sim.running.run import arm_model
 
 
 @dataclass(frozen=True, kw_only=True)

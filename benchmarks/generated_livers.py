@@ -16,6 +16,7 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
+from sim.running.options import EpisodeOptions
 from tqdm import tqdm
 
 from mapping import MapSettings
@@ -23,7 +24,6 @@ from sim.episode.scenario import Scenario
 from sim.episode.setup import build_setup, make_workspace, placed_organ
 from sim.episode.truth import make_truth
 from sim.pictures.figures import save
-from sim.running.options import EpisodeOptions
 from sim.viewing.inspection_figure import draw_view
 from sim.world.anatomy.loading import LoadedAnatomy
 from sim.world.meshes.topology import is_closed

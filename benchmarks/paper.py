@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
-
 from sim.cli.trials_options import CompareOptions
+
 from sim.comparison.compare import FIGURES, draw_views, run_compare, slug
 from sim.comparison.comparison import Comparison, compare_groups
 from sim.comparison.tables import interval_text, pair_table, table

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 import tyro
+from sim.running.options import EpisodeOptions
+from sim.running.run import arm_model, run_episode
 from tqdm import tqdm
 
 from mapping.storage import replacing
 from sim.episode.setup import build_setup
-from sim.running.options import EpisodeOptions
-from sim.running.run import arm_model, run_episode
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "organs.md"
 BEGIN, END = "<!-- table of patients: begin -->", "<!-- table of patients: end -->"

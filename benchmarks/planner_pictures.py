@@ -13,13 +13,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
+from sim.running.options import EpisodeOptions
 from threadpoolctl import threadpool_limits
 
 from planner import planner_names
 from sim.episode.episode import Episode, Step
 from sim.episode.setup import build_setup
 from sim.pictures.figures import BLUE, GRID, INK, MUTED, VERMILION
-from sim.running.options import EpisodeOptions
 
 _MM_PER_M = 1e3
 

@@ -12,12 +12,12 @@ from pathlib import Path
 from time import perf_counter, process_time
 
 import tyro
+from sim.cli.trials_options import TrialsOptions
+from sim.running.options import EpisodeOptions
 
 from sim.campaign.campaign import run_trials
 from sim.campaign.trial import run_trial
-from sim.cli.trials_options import TrialsOptions
 from sim.comparison.tables import table
-from sim.running.options import EpisodeOptions
 
 PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s")
 CASES = (

@@ -48,7 +48,9 @@ def main() -> None:
             scenario="spheres", planner=planner, arm="none", steps=8, seed=1, report=False,
             out="renders/own-planner", overwrite=True, show_progress=False,
         )  # fmt: skip
-        print(f"{summary['planner']:<40} sensed {summary['sensed_fraction']:.0%}, AUPRC {summary['auprc']:.3f}")
+        print(
+            f"{summary['planner']:<40} sensed {summary['sensed_fraction']:.0%}, AUPRC {summary['auprc']:.3f}"
+        )
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ From the command line, beside this file:
     sounding episode --sensor example_03_own_sensor:Forgetful --sensor-option miss_rate=0.3
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ class Forgetful(sounding.Sensor):
     """The paper's exact sensor, with tumour points called free at a rate."""
 
     miss_rate: float = 0.2
-    exact: sounding.ConeSensor = sounding.ConeSensor()
+    exact: sounding.ConeSensor = field(default_factory=sounding.ConeSensor)
 
     def sense(self, state: sounding.SceneState, rng: np.random.Generator) -> sounding.Reading:
         """The reading where the probe is now; all randomness comes from `rng`."""

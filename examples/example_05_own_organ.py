@@ -19,7 +19,9 @@ def main() -> None:
     print(f"AUPRC of the map       {summary['auprc']:.3f}")
 
     # A patient's files instead, with everything that belongs to them in one record:
-    files = sounding.CaseFiles(organ="liver.stl", tumours=("tumour.stl",), structures=("veins.stl",), unit="mm")
+    files = sounding.CaseFiles(
+        organ="liver.stl", tumours=("tumour.stl",), structures=("veins.stl",), unit="mm"
+    )
     print(f"files of a patient     {', '.join(files.paths)}")
 
 

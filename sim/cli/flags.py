@@ -27,7 +27,7 @@ def parse(
         prog: The command, for usage and messages.
         default: Values of all that is not given; those of the class by default.
     """
-    more = {} if default is None else {"default": default}
+    more: dict[str, Any] = {} if default is None else {"default": default}
     return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
 
 

@@ -64,9 +64,12 @@ def page(record: RunRecord, findings: Findings) -> str:
 def environment(*more_templates: Path) -> jinja2.Environment:
     """The templates, and those of other folders; what they are given is escaped."""
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader([ASSETS, *more_templates]), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.FileSystemLoader([ASSETS, *more_templates]),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=1)

@@ -84,20 +84,12 @@ def make_parts(
     Raises:
         UsageError, WorldError, PlannerError: Something cannot be made.
     """
-    from sim.world.sensing.cone_sensor import ConeSensor
-
     planner = planner or planner_of(config)
-    if sensor is None:
-        sensor = (
-            ConeSensor()
-            if config.sensor == CONE
-            else _own(config.sensor, SENSORS, config.sensing.sensor_option)
-        )
     settings = map_settings_of(config, planner)
     return EpisodeParts(
         scenario=scenario_of(config, scenario),
         planner=planner,
-        sensor=sensor,
+        sensor=sensor or sensor_of(config),
         make_map=make_map or _map_of(config, planner),
         map_settings=settings,
         insets=insets_of(config, planner),
@@ -188,6 +180,19 @@ def planner_of(config: EpisodeConfig) -> Planner:
             exclude_sensed=not ei.ei_reuse_poses,
         )
     return make_planner(config.planner)
+
+
+def sensor_of(config: EpisodeConfig) -> Sensor:
+    """The sensor with its options.
+
+    Raises:
+        PlugError: It cannot be made.
+    """
+    from sim.world.sensing.cone_sensor import ConeSensor
+
+    if config.sensor == CONE:
+        return ConeSensor()
+    return _own(config.sensor, SENSORS, config.sensing.sensor_option)
 
 
 def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:

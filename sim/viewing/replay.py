@@ -11,7 +11,7 @@ AGREEMENT_M = 1e-6
 
 
 def replay_table(recording: Recording) -> str:
-    """A line per action, checked against the recorded tips: states, seconds, ways, and where the tip ended by forward kinematics."""
+    """A line per action: states, seconds, ways, and whether forward kinematics finds the tip where it was recorded."""
     data = recording.scene.new_data()
     lines = [f"{'step':>5} {'states':>7} {'motion [s]':>10} {'tip [m]':>8} {'tip to pose [mm]':>17}  states"]
     for index, (step, motion) in enumerate(recording.motions.items()):

@@ -12,13 +12,13 @@ from pathlib import Path
 import mujoco
 import pytest
 from page_commands import PAGES, ROOT, Command, all_commands, blocks, make_clone, provide_files
+from sim.cli.trials_options import TrialsOptions
+from sim.running.options import EpisodeOptions
 
 from sim.campaign.study_file import load_study
 from sim.cli.command_line import _parse, main
-from sim.cli.trials_options import TrialsOptions
 from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario
-from sim.running.options import EpisodeOptions
 from sim.world.scene.arm import ArmModel
 
 OTHER_PROGRAMS = {"pip", "dask", "sounding"}

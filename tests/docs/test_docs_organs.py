@@ -7,9 +7,9 @@ import shlex
 from pathlib import Path
 
 import pytest
+from sim.running.options import PATIENT_OPTIONS, EpisodeOptions
 
 from sim.cli.command_line import _parse
-from sim.running.options import PATIENT_OPTIONS, EpisodeOptions
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "organs.md").read_text(encoding="utf-8")

@@ -7,10 +7,10 @@ import shlex
 from pathlib import Path
 
 import pytest
+from sim.cli.trials_options import TrialsOptions
 
 from sim.campaign.study_file import load_study
 from sim.cli.command_line import _parse
-from sim.cli.trials_options import TrialsOptions
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "trials.md").read_text(encoding="utf-8")

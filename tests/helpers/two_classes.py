@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, TUMOUR_RADIUS_MM, ball_labels, grid, save_nifti
+from sim.running.options import EpisodeOptions
+from sim.running.run import make_episode
 
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
-from sim.running.options import EpisodeOptions
-from sim.running.run import make_episode
 
 CYSTS_MM = (
     (CENTRE_MM + np.array([-20.0, -10.0, -8.0]), 10.0),

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from sim.cli.trials_options import TrialsOptions
 
 from sim.campaign.campaign import run_trials
 from sim.campaign.journal import decoded
-from sim.cli.trials_options import TrialsOptions
 from sim.errors import UsageError
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 import trial_work
+from sim.running.options import EpisodeOptions
 
 from sim.campaign.engines.engine import make_engine
 from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Part, Trial
 from sim.errors import UsageError
-from sim.running.options import EpisodeOptions
 
 ROOT = Path(__file__).resolve().parents[3]
 

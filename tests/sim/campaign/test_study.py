@@ -7,14 +7,14 @@ import itertools
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sim.cli.trials_options import TrialsOptions
+from sim.running.options import EpisodeOptions
 
 from planner import planner_names
 from sim.campaign.study import NOT_AXES, Part, Study, key_of, option_names, options_of, parse_seeds
 from sim.campaign.study_file import load_study, study_names
-from sim.cli.trials_options import TrialsOptions
 from sim.episode.scenario import SCENARIOS
 from sim.errors import UsageError
-from sim.running.options import EpisodeOptions
 
 GOOD = """
 title = "mine"

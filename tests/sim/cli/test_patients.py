@@ -13,13 +13,13 @@ import SimpleITK
 import trimesh
 from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, save_nifti
 from scipy.spatial.transform import Rotation
+from sim.running.options import EpisodeOptions
 
 from sim.cli.command_line import main
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import make_workspace, placed_organ
 from sim.errors import UsageError
 from sim.record.map_volumes import MapArrays, map_volumes, read_maps
-from sim.running.options import EpisodeOptions
 from sim.world.anatomy.placement import pose_matrix, turned
 from sim.world.anatomy.surface import upper_surface_area_m2
 from sim.world.anatomy.tumour_load import draw_lits_diameters

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from sim.cli.trials_options import CompareOptions
 
 from sim.campaign.campaign_folder import FORMAT
 from sim.campaign.journal import encoded
-from sim.cli.trials_options import CompareOptions
 from sim.comparison.compare import run_compare
 from sim.comparison.comparison import compare_groups
 from sim.comparison.trial_groups import load_groups

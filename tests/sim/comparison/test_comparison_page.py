@@ -6,10 +6,10 @@ import re
 
 import numpy as np
 import pytest
+from sim.cli.trials_options import CompareOptions
 from test_compare import entry, map_entry, write
 
 from sim.campaign.study import Trial, options_of
-from sim.cli.trials_options import CompareOptions
 from sim.comparison.compare import run_compare
 
 SEEDS = 8

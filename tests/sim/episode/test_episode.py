@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from sim.running.options import EpisodeOptions
+from sim.running.run import run_episode
 
 from mapping import MapSettings
 from planner import Planner, make_planner, planner_names
@@ -15,8 +17,6 @@ from sim.episode.episode import Episode
 from sim.episode.positioner import Positioner
 from sim.episode.setup import Setup
 from sim.errors import UsageError
-from sim.running.options import EpisodeOptions
-from sim.running.run import run_episode
 from sim.world.ik.result import IkResult, IkStatus
 
 PAPER_MAP = MapSettings.paper()

@@ -213,7 +213,9 @@ def test_a_pose_without_a_path_is_skipped_with_the_pair(sphere_setup) -> None:
             return iter(pose for pose in range(4) if situation.available(exclude_sensed=True)[pose])
 
     motion_model = BlockedMover(make_motion_model(sphere_setup), {0, 2})
-    episode = Episode(sphere_setup, Listed(), seed=0, motion_model=motion_model, sensing_s=1.5, tumour_map=None)
+    episode = Episode(
+        sphere_setup, Listed(), seed=0, motion_model=motion_model, sensing_s=1.5, tumour_map=None
+    )
     steps = list(episode.steps(9))
     assert [step.pose_index for step in steps] == [1, 3]
     assert {pose: "elbow penetrates table" in episode.skipped[pose].reason for pose in (0, 2)} == {

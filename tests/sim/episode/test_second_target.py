@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from sim.running.options import EpisodeOptions
 from two_classes import options, sensed, setup_of, write_meshes
 
 from mapping import HilbertMap, average_precision
@@ -17,7 +18,6 @@ from sim.episode.positioner import FreePositioner
 from sim.episode.scenario import Scenario
 from sim.episode.setup import Setup
 from sim.errors import UsageError
-from sim.running.options import EpisodeOptions
 from sim.world.scene.scene import build_scene
 from sim.world.sensing.cone_sensor import ConeSensor
 from sim.world.sensing.sensor import SceneState

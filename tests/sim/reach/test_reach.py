@@ -11,9 +11,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from sim.cli.arm_options import IkOptions, ReachOptions
 
 from planner import Workspace
-from sim.cli.arm_options import IkOptions, ReachOptions
 from sim.cli.command_line import _parse, main
 from sim.episode.scenario_file import load_scenario
 from sim.reach.explanation import explain_in

@@ -26,9 +26,9 @@ from sim.findings.findings import find
 from sim.findings.tables import finding_summary, write_finding_tables
 from sim.pictures.figures import AMBER, BLUE, PURPLE, TargetCurves, draw_precision_recall, draw_progress
 from sim.pictures.run_figures import draw_run_figures
+from sim.record.recording import read_recording
 from sim.record.run_record import load_run
 from sim.report import write_report
-from sim.record.recording import read_recording
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,12 @@ from opened_page import Opened
 
 from sim.cli.command_line import main
 from sim.findings.results import write_results
+from sim.record.recording import read_recording
 from sim.record.run_record import load_run
 from sim.record.trajectories import read_anatomy
 from sim.report.mesh_thinning import LEAST_FACES
 from sim.report.packing import Pack
 from sim.report.view_data import MOST_STRUCTURE_FACES, view_data
-from sim.record.recording import read_recording
 from sim.world.scene.scene import Group
 from sim.world.solids.solid import Solid
 

@@ -3,9 +3,9 @@ import pytest
 import trimesh
 
 from sim.world.anatomy.anatomy import build_anatomy
-from sim.world.case_files import CaseFiles
 from sim.world.anatomy.loading import load_anatomy
 from sim.world.anatomy.placement import lay_on_table
+from sim.world.case_files import CaseFiles
 from sim.world.errors import AnatomyError, MeshError
 from sim.world.solids.solid import Solid
 

@@ -15,9 +15,9 @@ from scanned_ball import (
     save_nifti,
 )
 
+from sim.world.case_files import LabelChoice
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
-from sim.world.case_files import LabelChoice
 
 
 def noise(shape=(30, 30, 30), low=-1000, high=1500):

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scanned_ball import CENTRE_MM, assert_is_the_ball, ball_labels, default_file, grid, load, save_nifti
 from scipy.spatial.transform import Rotation
 
+from sim.world.case_files import LabelChoice
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
-from sim.world.case_files import LabelChoice
 
 
 @pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1)])

@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 import tyro
-from sim.running.options import EpisodeOptions
-from sim.running.run import arm_model
 from threadpoolctl import threadpool_limits
 
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
+from sim.running.config import EpisodeConfig
+from sim.running.parts import make_parts
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """Run seeds FIRST to FIRST + COUNT - 1 of an episode and print a row each and a summary."""
 
-    episode: tyro.conf.OmitArgPrefixes[EpisodeOptions]
+    episode: tyro.conf.OmitArgPrefixes[EpisodeConfig]
     """The episode; its seed is replaced."""
     first: int = 0
     """First seed."""
@@ -34,32 +34,34 @@ class Options:
 
 
 @lru_cache(maxsize=2)
-def _setup(options: EpisodeOptions) -> Setup:
-    return build_setup(options.make_scenario(), arm_model(options), options.make_map_settings())
+def _setup(config: EpisodeConfig) -> Setup:
+    parts = make_parts(config)
+    return build_setup(parts.scenario, parts.arm, parts.map_settings)
 
 
-def run_seed(options: EpisodeOptions, at: tuple[int, ...]) -> dict[str, Any]:
+def run_seed(config: EpisodeConfig, at: tuple[int, ...]) -> dict[str, Any]:
     """One episode's row."""
     with threadpool_limits(limits=1):
-        setup = _setup(replace(options, seed=0))
+        setup, parts = _setup(replace(config, seed=0)), make_parts(config)
         episode = Episode(
             setup,
-            options.make_planner(),
-            seed=options.seed,
-            map_settings=options.make_map_settings(),
-            insets=options.make_insets(),
+            parts.planner,
+            seed=parts.seed,
+            map_settings=parts.map_settings,
+            insets=parts.insets,
+            sensor=parts.sensor,
         )
         auprc: list[float] = []
         sensed: list[float] = []
         steps = episode.steps(
-            options.steps, until_sensed=options.until_sensed, until_confident=options.until_confident
+            parts.n_steps, until_sensed=parts.until_sensed, until_confident=parts.until_confident
         )
         for step in steps:
             auprc.append(np.nan if step.auprc is None else step.auprc)
             sensed.append(np.nan if step.sensed_fraction is None else step.sensed_fraction)
     reached = np.flatnonzero(np.array(sensed) >= 0.95)
     return {
-        "seed": options.seed,
+        "seed": config.seed,
         "n_sensings": len(sensed),
         "sensings_to_95": int(reached[0]) + 1 if reached.size else None,
         "sensed_fraction": sensed[-1],

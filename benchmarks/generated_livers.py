@@ -16,7 +16,6 @@ import numpy as np
 import tyro
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull
-from sim.running.options import EpisodeOptions
 from tqdm import tqdm
 
 from mapping import MapSettings
@@ -24,6 +23,8 @@ from sim.episode.scenario import Scenario
 from sim.episode.setup import build_setup, make_workspace, placed_organ
 from sim.episode.truth import make_truth
 from sim.pictures.figures import save
+from sim.running.fields import config_of
+from sim.running.parts import scenario_of
 from sim.viewing.inspection_figure import draw_view
 from sim.world.anatomy.loading import LoadedAnatomy
 from sim.world.meshes.topology import is_closed
@@ -51,7 +52,7 @@ def main() -> None:
     options = tyro.cli(SheetOptions, description=__doc__)
     organs, n_poses = [], []
     for seed in tqdm(range(options.first, options.first + options.count), unit="liver"):
-        scenario = scenario_of(seed)
+        scenario = case_of(seed)
         placed, _ = placed_organ(scenario, None)
         assert is_closed(placed.organ.faces), seed
         organs.append(placed.organ)
@@ -68,14 +69,14 @@ def main() -> None:
     draw(planted[:N_DRAWN], options)
 
 
-def scenario_of(seed: int) -> Scenario:
+def case_of(seed: int) -> Scenario:
     """The case of a seed."""
-    return EpisodeOptions(scenario="generated-liver", seed=seed).make_scenario()
+    return scenario_of(config_of(scenario="generated-liver", seed=seed))
 
 
 def plant(seed: int) -> LoadedAnatomy:
     """A seed's liver with its tumours, in patient axes."""
-    setup = build_setup(scenario_of(seed), None, MapSettings())
+    setup = build_setup(case_of(seed), None, MapSettings())
     anatomy = make_truth(setup, np.random.default_rng(seed).spawn(3)[0]).anatomy
     T = np.linalg.inv(setup.T_world_organ)
     tumours = tuple(each.transformed(T) for each in anatomy.tumours)

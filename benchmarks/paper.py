@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
-from sim.cli.trials_options import CompareOptions
 
-from sim.comparison.compare import FIGURES, draw_views, run_compare, slug
+from sim.comparison.compare import FIGURES, compare, draw_views, slug
 from sim.comparison.comparison import Comparison, compare_groups
-from sim.comparison.tables import interval_text, pair_table, table
+from sim.comparison.tables import interval_text, pair_table
 from sim.comparison.trial_groups import load_groups
+from sim.tables import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- begin: written by make paper -->", "<!-- end: written by make paper -->"
@@ -49,7 +49,7 @@ class Options:
 
 def main(options: Options) -> None:
     """Compare, draw and write."""
-    run_compare(CompareOptions(folders=(options.campaign,)))
+    compare((options.campaign,))
     everything = compare_groups(load_groups([options.campaign]))
     ten = compare_groups(load_groups([options.campaign], seeds=range(10)))
     shutil.rmtree(options.figures, ignore_errors=True)
@@ -95,7 +95,7 @@ def scenario_1(ten: Comparison, everything: Comparison) -> str:
         [
             "### Scenario 1: sensing actions until 95 % of the tumour was sensed",
             "Mean ± standard deviation, [95 % interval of the mean], median.",
-            table(head, rows),
+            markdown_table(head, rows),
             "Pairs on the same 100 tumours, first minus second:",
             pair_table(pairs),
             image("sensings-ten", "Ten trials; a bar is a mean, a dot a trial"),
@@ -135,7 +135,7 @@ def accuracy(comparison: Comparison, scenario: str) -> str:
         [
             f"### {name}: AUPRC after {n_actions} sensing actions",
             "Mean ± standard deviation over 10 seeds, [95 % interval of the mean].",
-            table(("method", "paper", "here, free probe", "here, with the arm"), rows),
+            markdown_table(("method", "paper", "here, free probe", "here, with the arm"), rows),
             "Pairs on the same tumours, without the arm:",
             pair_table(pairs),
             image(f"auprc-{slug(f'{scenario}, arm none')}", "AUPRC against sensing actions, free probe"),

@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 import tyro
-from sim.running.options import EpisodeOptions
-from sim.running.run import arm_model, run_episode
 from tqdm import tqdm
 
 from mapping.storage import replacing
 from sim.episode.setup import build_setup
+from sim.running.fields import config_of, recorded
+from sim.running.parts import make_parts
+from sim.running.run_episode import output_of, record_episode
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "organs.md"
 BEGIN, END = "<!-- table of patients: begin -->", "<!-- table of patients: end -->"
@@ -64,7 +65,7 @@ def cases(only: str = "") -> list[tuple[str, dict[str, Any]]]:
 
 def run_case(files: dict[str, Any], options: PatientsOptions, out: Path) -> dict[str, Any]:
     """The row of one case."""
-    asked = EpisodeOptions(
+    config = config_of(
         **files,
         n_tumours=N_GENERATED,
         steps=options.steps,
@@ -73,8 +74,11 @@ def run_case(files: dict[str, Any], options: PatientsOptions, out: Path) -> dict
         out=out,
     )
     start_s = perf_counter()
-    setup = build_setup(asked.make_scenario(), arm_model(asked), asked.make_map_settings())
-    summary = run_episode(asked, setup=setup, show_progress=False)
+    parts = make_parts(config)
+    setup = build_setup(parts.scenario, parts.arm, parts.map_settings)
+    summary = record_episode(
+        parts, output_of(config, parts, recorded(config)), setup=setup, show_progress=False
+    )
     seconds = perf_counter() - start_s
     with np.load(out / "anatomy.npz") as arrays:
         n_tumours = sum(name.startswith("tumour") and name.endswith("_faces") for name in arrays.files)

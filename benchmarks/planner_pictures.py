@@ -13,13 +13,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
-from sim.running.options import EpisodeOptions
 from threadpoolctl import threadpool_limits
 
 from planner import planner_names
 from sim.episode.episode import Episode, Step
 from sim.episode.setup import build_setup
 from sim.pictures.figures import BLUE, GRID, INK, MUTED, VERMILION
+from sim.running.fields import config_of
+from sim.running.parts import make_parts
 
 _MM_PER_M = 1e3
 
@@ -40,11 +41,10 @@ class Options:
 
 def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
     """One planner's episode with a free probe."""
-    asked = EpisodeOptions(scenario=options.scenario, planner=planner, seed=options.seed, arm="none")
-    settings = asked.make_map_settings()
-    setup = build_setup(asked.make_scenario(), None, settings)
+    parts = make_parts(config_of(scenario=options.scenario, planner=planner, seed=options.seed, arm="none"))
+    setup = build_setup(parts.scenario, None, parts.map_settings)
     episode = Episode(
-        setup, asked.make_planner(), seed=options.seed, map_settings=settings, insets=asked.make_insets()
+        setup, parts.planner, seed=parts.seed, map_settings=parts.map_settings, insets=parts.insets
     )
     return episode, list(episode.steps(options.steps, until_sensed=0.95))
 

@@ -13,8 +13,8 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from sim.comparison.tables import table
 from sim.comparison.trial_groups import TrialGroup, load_groups
+from sim.tables import markdown_table
 
 SENSED = 0.95
 
@@ -66,7 +66,7 @@ def main(options: Options) -> None:
         "plan [ms]",
     )
     groups = [group for group in load_groups(list(options.folders), seeds=seeds) if group.entries]
-    print(table(head, [row(group, options.at) for group in groups]))
+    print(markdown_table(head, [row(group, options.at) for group in groups]))
 
 
 if __name__ == "__main__":

@@ -25,10 +25,11 @@ from planner import FindAndOutline
 from sim.campaign.journal import Entry, Journal
 from sim.campaign.study import key_of
 from sim.comparison.estimates import mean_estimate, share_interval
-from sim.comparison.tables import interval_text, table
+from sim.comparison.tables import interval_text
 from sim.episode.episode import Episode
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import Setup, build_setup
+from sim.tables import markdown_table
 from sim.world.sensing.reading import Reading
 
 SENSED = 0.95
@@ -178,7 +179,7 @@ def main(options: Options) -> None:
         for number in options.cases:
             rows.append(table_row(number, results(number, options, pool, journal), options))
             print(" | ".join(rows[-1]), flush=True)
-    print(table(head, rows))
+    print(markdown_table(head, rows))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sim.comparison.estimates import mean_estimate
-from sim.comparison.tables import interval_text, table
+from sim.comparison.tables import interval_text
 from sim.comparison.trial_groups import TrialGroup, load_groups
 from sim.pictures.figures import BLUE, GRID, VERMILION
+from sim.tables import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURES = {
@@ -49,7 +50,7 @@ def main(options: Options) -> None:
         means.append([estimate.mean for estimate in estimates])
         cells = [f"{each.mean:.1f} {interval_text(each.interval, '{:.1f}')}" for each in estimates]
         rows.append((label_of(group), str(len(group.entries)), *cells))
-    print(table(("setting", "seeds", *MEASURES.values()), rows))
+    print(markdown_table(("setting", "seeds", *MEASURES.values()), rows))
     draw(options.figure, [label_of(group) for group in groups], np.array(means))
 
 

@@ -12,12 +12,12 @@ from pathlib import Path
 from time import perf_counter, process_time
 
 import tyro
-from sim.cli.trials_options import TrialsOptions
-from sim.running.options import EpisodeOptions
 
 from sim.campaign.campaign import run_trials
+from sim.campaign.study import Trial, make_study
 from sim.campaign.trial import run_trial
-from sim.comparison.tables import table
+from sim.running.fields import config_of
+from sim.tables import markdown_table
 
 PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s")
 CASES = (
@@ -44,7 +44,7 @@ class Options:
 
 def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
     """A row: actions per second of CPU and of wall time, and the share of each part."""
-    options = EpisodeOptions(
+    config = config_of(
         scenario="sphere",
         planner=planner,
         arm=arm,
@@ -53,12 +53,12 @@ def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
         until_sensed=0.95,
         map="when-needed",
     )
-    run_trial(replace(options, scenario="spheres", steps=1))  # drops the setup of the case before
-    run_trial(replace(options, steps=1, seed=10_000))  # builds the setup
+    run_trial(Trial(replace(config, scenario="spheres", steps=1)))  # drops the setup of the case before
+    run_trial(Trial(replace(config, steps=1, seed=10_000)))  # builds the setup
     n_actions, parts, memory_mb = 0, dict.fromkeys(PARTS, 0.0), 0.0
     cpu_start_s, wall_start_s = process_time(), perf_counter()
     for seed in range(n_trials):
-        result = run_trial(replace(options, seed=seed))
+        result = run_trial(Trial(replace(config, seed=seed)))
         n_actions += result.row["n_sensings"]
         memory_mb = result.timings["peak_memory_mb"]
         for part in PARTS:
@@ -71,24 +71,23 @@ def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
 
 def measure_jobs(n_jobs: int, folder: Path, n_trials: int = 60) -> float:
     """Trials per second of a campaign, the start of its processes included."""
-    options = TrialsOptions(
-        scenario=("sphere",),
-        planner=("expected-improvement",),
-        arm=("none",),
+    study = make_study(
+        scenario="sphere",
+        planner="expected-improvement",
+        arm="none",
+        motion="none",
         steps=10,
-        trials=n_trials,
-        out=folder / str(n_jobs),
-        jobs=n_jobs,
+        seed=f"0:{n_trials}",
     )
     start_s = perf_counter()
-    run_trials(options)
+    run_trials(study, folder / str(n_jobs), jobs=n_jobs)
     return n_trials / (perf_counter() - start_s)
 
 
 def main(options: Options) -> None:
     """Measure and print."""
     head = ("planner", "arm", "motion", "actions", "actions/CPU s", "actions/s", *PARTS, "MB")
-    print(table(head, [measure(*case, options.trials) for case in CASES]))
+    print(markdown_table(head, [measure(*case, options.trials) for case in CASES]))
     if options.jobs:
         with tempfile.TemporaryDirectory() as folder:
             one, two = (measure_jobs(n_jobs, Path(folder)) for n_jobs in (1, 2))

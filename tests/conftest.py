@@ -72,7 +72,7 @@ def setups_are_built_once():
         return built[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim.running.run.build_setup", shared)
+        patch.setattr("sim.running.run_episode.build_setup", shared)
         yield shared
 
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sim.campaign.engines.factory import EngineName
 from sim.campaign.study import Part, Study, parse_seeds
@@ -17,6 +17,9 @@ from sim.world.motion.settings import MotionKind
 
 from .exit_codes import INTERRUPTED
 from .flags import in_flags, parse
+
+if TYPE_CHECKING:
+    from sim.campaign.campaign import CampaignSummary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +128,7 @@ def parse_options(arguments: Sequence[str], prog: str) -> Options:
 
 def run(options: Options) -> int:
     """Run the trials, or tell how many there are; returns the exit code."""
-    from sim.campaign.campaign import campaign_text, run_trials
+    from sim.campaign.campaign import campaign_text
     from sim.campaign.forecast import forecast_study, forecast_text
 
     study = options.make_study()
@@ -134,19 +137,32 @@ def run(options: Options) -> int:
             forecasts = forecast_study(study, n_jobs=options.jobs)
             print(in_flags(forecast_text(study, forecasts, n_jobs=options.jobs), Options))
             return 0
-        summary = run_trials(
-            study,
-            options.out_folder(study),
-            jobs=options.jobs,
-            engine=options.engine,
-            address=options.address,
-            folders=options.folders,
-            retry_failed=options.retry_failed,
-            overwrite=options.overwrite,
-            any_version=options.any_version,
-        )
+        summary = run_campaign(options, study)
     except KeyboardInterrupt:
         print("sounding: interrupted; finished trials are kept, call again to go on.", file=sys.stderr)
         return INTERRUPTED
     print(in_flags(campaign_text(summary), Options))
     return INTERRUPTED if summary.is_interrupted else 0
+
+
+def run_campaign(options: Options, study: Study | None = None) -> CampaignSummary:
+    """Run the trials that the options describe.
+
+    Args:
+        options: What to run, and how.
+        study: That of the options, where the caller has it already.
+    """
+    from sim.campaign.campaign import run_trials
+
+    study = study or options.make_study()
+    return run_trials(
+        study,
+        options.out_folder(study),
+        jobs=options.jobs,
+        engine=options.engine,
+        address=options.address,
+        folders=options.folders,
+        retry_failed=options.retry_failed,
+        overwrite=options.overwrite,
+        any_version=options.any_version,
+    )

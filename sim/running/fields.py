@@ -62,13 +62,17 @@ def value_of(config: EpisodeConfig, name: str) -> Any:
     return getattr(config if group is None else getattr(config, group), name)
 
 
-def config_of(values: Mapping[str, Any]) -> EpisodeConfig:
+def config_of(values: Mapping[str, Any] | None = None, /, **more: Any) -> EpisodeConfig:
     """The configuration with these values of fields by name, and the defaults of all others.
+
+    Args:
+        values: By name.
+        more: Likewise, as keyword arguments.
 
     Raises:
         UsageError: An unknown name, a value of another type, or values that do not go together.
     """
-    return changed(EpisodeConfig(), **values)
+    return changed(EpisodeConfig(), **(values or {}), **more)
 
 
 def changed(config: EpisodeConfig, **values: Any) -> EpisodeConfig:

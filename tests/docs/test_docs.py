@@ -12,13 +12,14 @@ from pathlib import Path
 import mujoco
 import pytest
 from page_commands import PAGES, ROOT, Command, all_commands, blocks, make_clone, provide_files
-from sim.cli.trials_options import TrialsOptions
-from sim.running.options import EpisodeOptions
 
 from sim.campaign.study_file import load_study
-from sim.cli.command_line import _parse, main
+from sim.cli import trials
+from sim.cli.command_line import main, parse_command
 from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario
+from sim.running.config import EpisodeConfig
+from sim.running.parts import check_config
 from sim.world.scene.arm import ArmModel
 
 OTHER_PROGRAMS = {"pip", "dask", "sounding"}
@@ -63,11 +64,11 @@ def test_every_block_is_of_a_kind_that_is_tested() -> None:
 
 @pytest.mark.parametrize("arguments", commands("sounding"), ids=" ".join)
 def test_every_command_is_understood(arguments: list[str]) -> None:
-    options = _parse(arguments)
-    if isinstance(options, TrialsOptions):
+    options = parse_command(arguments)
+    if isinstance(options, trials.Options):
         assert len(options.make_study()) > 0
-    if isinstance(options, EpisodeOptions) and not options.scenario.endswith(".toml"):
-        options.check()
+    if isinstance(options, EpisodeConfig) and not options.scenario.endswith(".toml"):
+        check_config(options)
 
 
 @pytest.mark.parametrize("command", quick_commands(), ids=str)

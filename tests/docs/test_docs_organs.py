@@ -7,9 +7,11 @@ import shlex
 from pathlib import Path
 
 import pytest
-from sim.running.options import PATIENT_OPTIONS, EpisodeOptions
 
-from sim.cli.command_line import _parse
+from sim.cli.command_line import parse_command
+from sim.running.case import PATIENT_FIELDS
+from sim.running.config import EpisodeConfig
+from sim.running.parts import scenario_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "organs.md").read_text(encoding="utf-8")
@@ -23,13 +25,13 @@ def commands() -> list[list[str]]:
 
 @pytest.mark.parametrize("arguments", commands(), ids=" ".join)
 def test_every_command_is_understood(arguments: list[str]) -> None:
-    options = _parse(arguments)
-    if isinstance(options, EpisodeOptions):
-        options.make_scenario()
+    options = parse_command(arguments)
+    if isinstance(options, EpisodeConfig):
+        scenario_of(options)
 
 
 @pytest.mark.parametrize(
-    "name", [*PATIENT_OPTIONS, "organ_pose", "coding", "mesh_frame", "keepout_mm", "n_tumours"]
+    "name", [*PATIENT_FIELDS, "organ_pose", "coding", "mesh_frame", "keepout_mm", "n_tumours"]
 )
 def test_every_flag_is_on_the_page(name: str) -> None:
     assert f"--{name.replace('_', '-')}" in PAGE

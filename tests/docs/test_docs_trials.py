@@ -7,10 +7,10 @@ import shlex
 from pathlib import Path
 
 import pytest
-from sim.cli.trials_options import TrialsOptions
 
 from sim.campaign.study_file import load_study
-from sim.cli.command_line import _parse
+from sim.cli.command_line import parse_command
+from sim.cli.trials import Options
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "trials.md").read_text(encoding="utf-8")
@@ -26,8 +26,8 @@ def commands() -> list[list[str]]:
 
 @pytest.mark.parametrize("arguments", commands(), ids=" ".join)
 def test_every_command_is_understood(arguments) -> None:
-    options = _parse(arguments)
-    if isinstance(options, TrialsOptions):
+    options = parse_command(arguments)
+    if isinstance(options, Options):
         assert len(options.make_study()) > 0
 
 

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, TUMOUR_RADIUS_MM, ball_labels, grid, save_nifti
-from sim.running.options import EpisodeOptions
-from sim.running.run import make_episode
 
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
+from sim.running.config import EpisodeConfig
+from sim.running.fields import config_of
+from sim.running.parts import make_parts
+from sim.running.run_episode import make_episode
 
 CYSTS_MM = (
     (CENTRE_MM + np.array([-20.0, -10.0, -8.0]), 10.0),
@@ -51,19 +53,19 @@ def write_labels(folder: Path) -> Path:
     return save_nifti(folder / "case.nii.gz", labels, T)
 
 
-def options(scenario: Path, **changes) -> EpisodeOptions:
+def options(scenario: Path, **changes) -> EpisodeConfig:
     """Of a quick episode."""
     quick: dict = {"arm": "none", "motion": "none", "steps": N_ACTIONS, "seed": 2, "map_insets": "off"}
-    return EpisodeOptions(scenario=str(scenario), **(quick | changes))
+    return config_of(scenario=str(scenario), **(quick | changes))
 
 
-def sensed(asked: EpisodeOptions, setup: Setup) -> tuple[Episode, list]:
+def sensed(config: EpisodeConfig, setup: Setup) -> tuple[Episode, list]:
     """An episode after its steps, and these."""
-    episode = make_episode(asked, setup)
+    episode = make_episode(make_parts(config), setup)
     return episode, list(episode.steps(N_ACTIONS))
 
 
 def setup_of(case: Path) -> Setup:
     """The case's setup, with a free probe."""
-    asked = options(case)
-    return build_setup(asked.make_scenario(), None, asked.make_map_settings())
+    parts = make_parts(options(case))
+    return build_setup(parts.scenario, None, parts.map_settings)

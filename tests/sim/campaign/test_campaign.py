@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from sim.cli.trials_options import TrialsOptions
 
-from sim.campaign.campaign import run_trials
 from sim.campaign.journal import decoded
+from sim.cli.trials import Options, run_campaign
 from sim.errors import UsageError
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -62,7 +61,7 @@ def study(tmp_path_factory) -> Path:
 def campaign(study, tmp_path_factory) -> Path:
     """The study's campaign, run by one process."""
     out = tmp_path_factory.mktemp("campaigns") / "one"
-    summary = run_trials(TrialsOptions(study=str(study), out=out, jobs=1))
+    summary = run_campaign(Options(study=str(study), out=out, jobs=1))
     assert (summary.n_trials, summary.n_run, summary.n_failed) == (8, 8, 0)
     return out
 
@@ -82,21 +81,20 @@ def n_lines(folder: Path) -> int:
 
 
 def test_a_row_is_what_a_single_episode_says(study, campaign, tmp_path) -> None:
-    from sim.running.options import EpisodeOptions
-    from sim.running.run import run_episode
+    from sim.running.run_episode import run_episode
 
     rows = table(campaign)
     assert [row["planner"] for row in rows] == ["expected-improvement"] * 4 + ["random"] * 4
     assert [int(row["seed"]) for row in rows] == [*range(4), *range(4)]
-    options = EpisodeOptions(
+    summary = run_episode(
         scenario=str(study.parent / "ball.toml"),
         planner="expected-improvement",
         arm="none",
         steps=3,
         seed=3,
         out=tmp_path / "run",
+        show_progress=False,
     )
-    summary = run_episode(options, show_progress=False)
     row = rows[3]
     timed = {"plan_s", "ik_s", "move_s", "sense_s", "update_s", "setup_s", "render_s", "wall_s"}
     assert set(summary) - timed - {"folder"} <= set(row)
@@ -124,19 +122,19 @@ def test_the_truth_is_the_same_for_every_planner(campaign) -> None:
 
 def test_rows_do_not_depend_on_the_number_of_processes(study, campaign, tmp_path) -> None:
     """One process and three; two are in the tests of killed campaigns."""
-    run_trials(TrialsOptions(study=str(study), out=tmp_path / "out", jobs=3))
+    run_campaign(Options(study=str(study), out=tmp_path / "out", jobs=3))
     assert_same(tmp_path / "out", campaign)
 
 
 def test_rows_are_the_same_on_a_dask_cluster(study, campaign, tmp_path) -> None:
     pytest.importorskip("distributed")
-    run_trials(TrialsOptions(study=str(study), out=tmp_path / "out", jobs=2, engine="dask"))
+    run_campaign(Options(study=str(study), out=tmp_path / "out", jobs=2, engine="dask"))
     assert_same(tmp_path / "out", campaign)
 
 
 def test_rows_are_the_same_on_a_ray_cluster(study, campaign, tmp_path) -> None:
     pytest.importorskip("ray")
-    run_trials(TrialsOptions(study=str(study), out=tmp_path / "out", jobs=2, engine="ray"))
+    run_campaign(Options(study=str(study), out=tmp_path / "out", jobs=2, engine="ray"))
     assert_same(tmp_path / "out", campaign)
 
 
@@ -152,7 +150,7 @@ def test_a_campaign_that_is_killed_goes_on_where_it_was(study, campaign, tmp_pat
     before = (out / "journal.jsonl").read_bytes()
     n_before = sum(decoded(line) is not None for line in before.splitlines(keepends=True))
     assert 2 <= n_before < 8
-    summary = run_trials(TrialsOptions(study=str(study), out=out))
+    summary = run_campaign(Options(study=str(study), out=out))
     assert summary.n_run == 8 - n_before
     journal = (out / "journal.jsonl").read_bytes()
     assert journal.startswith(before[: before.rindex(b"\n") + 1])
@@ -164,16 +162,16 @@ def test_a_line_written_by_half_is_run_again(study, campaign, tmp_path) -> None:
     out = copy_of(campaign, tmp_path)
     text = (out / "journal.jsonl").read_bytes()
     (out / "journal.jsonl").write_bytes(text[:-20])
-    summary = run_trials(TrialsOptions(study=str(study), out=out, jobs=1))
+    summary = run_campaign(Options(study=str(study), out=out, jobs=1))
     assert (summary.n_run, summary.n_damaged) == (1, 1)
     assert_same(out, campaign)
 
 
 def test_a_finished_campaign_runs_nothing_and_a_study_may_grow(study, campaign, tmp_path) -> None:
     out = copy_of(campaign, tmp_path)
-    assert run_trials(TrialsOptions(study=str(study), out=out)).n_run == 0
+    assert run_campaign(Options(study=str(study), out=out)).n_run == 0
     assert_same(out, campaign)
-    grown = run_trials(TrialsOptions(study=str(study), out=out, seeds="0:5", jobs=1))
+    grown = run_campaign(Options(study=str(study), out=out, seeds="0:5", jobs=1))
     assert (grown.n_trials, grown.n_run) == (10, 2)
     assert [row for row in table(out) if int(row["seed"]) < 4] == table(campaign)
 
@@ -181,9 +179,9 @@ def test_a_finished_campaign_runs_nothing_and_a_study_may_grow(study, campaign, 
 def test_another_study_s_folder_is_refused(study, campaign, tmp_path) -> None:
     before = (campaign / "journal.jsonl").read_bytes()
     with pytest.raises(UsageError, match="holds another study; this one has no trial.*--overwrite"):
-        run_trials(TrialsOptions(study=str(study), out=campaign, seeds="0:3"))
+        run_campaign(Options(study=str(study), out=campaign, seeds="0:3"))
     with pytest.raises(UsageError, match="holds another study"):
-        run_trials(TrialsOptions(study=str(study), out=campaign, until_sensed=0.5))
+        run_campaign(Options(study=str(study), out=campaign, until_sensed=0.5))
     assert (campaign / "journal.jsonl").read_bytes() == before
 
 
@@ -193,14 +191,14 @@ def test_other_input_files_and_other_code_are_refused(study, campaign, tmp_path)
     content["machine"]["packages"]["numpy"] = "1.0"
     (out / "study.json").write_text(json.dumps(content))
     with pytest.raises(UsageError, match="another version .packages.*--any-version"):
-        run_trials(TrialsOptions(study=str(study), out=out))
-    assert run_trials(TrialsOptions(study=str(study), out=out, any_version=True)).n_run == 0
+        run_campaign(Options(study=str(study), out=out))
+    assert run_campaign(Options(study=str(study), out=out, any_version=True)).n_run == 0
     ball = study.parent / "ball.stl"
     shape = ball.read_bytes()
     ball.write_bytes(shape + b" ")
     try:
         with pytest.raises(UsageError, match="begun with another file .*ball.stl"):
-            run_trials(TrialsOptions(study=str(study), out=out))
+            run_campaign(Options(study=str(study), out=out))
     finally:
         ball.write_bytes(shape)
 
@@ -209,7 +207,7 @@ def test_two_campaigns_at_once_are_kept_apart(study, campaign, tmp_path) -> None
     from sim.campaign.campaign_folder import CampaignFolder
 
     with CampaignFolder(tmp_path), pytest.raises(UsageError, match="another campaign is writing there"):
-        run_trials(TrialsOptions(study=str(study), out=tmp_path))
+        run_campaign(Options(study=str(study), out=tmp_path))
 
 
 def test_a_trial_that_raises_is_a_row_and_the_campaign_goes_on(study, tmp_path) -> None:
@@ -218,14 +216,14 @@ def test_a_trial_that_raises_is_a_row_and_the_campaign_goes_on(study, tmp_path) 
     (tmp_path / "small.toml").write_text(ball)
     text = '[axes]\nscenario = ["big.toml", "small.toml"]\n[episode]\nsteps = 1\narm = "none"\nplanner = "random"'
     (tmp_path / "study.toml").write_text(text)
-    options = TrialsOptions(study=str(tmp_path / "study.toml"), out=tmp_path / "out", jobs=1)
-    summary = run_trials(options)
+    options = Options(study=str(tmp_path / "study.toml"), out=tmp_path / "out", jobs=1)
+    summary = run_campaign(options)
     assert (summary.n_run, summary.n_failed) == (2, 1)
     bad, good = table(tmp_path / "out")
     assert (bad["status"], bad["seed"], good["status"]) == ("failed", "0", "finished")
     assert "Error: " in bad["error"]
-    assert run_trials(options).n_run == 0
-    assert run_trials(TrialsOptions(**vars(options) | {"retry_failed": True})).n_run == 1
+    assert run_campaign(options).n_run == 0
+    assert run_campaign(Options(**vars(options) | {"retry_failed": True})).n_run == 1
 
 
 def test_a_full_disk_keeps_what_was_done_and_says_so(study, tmp_path) -> None:
@@ -244,10 +242,10 @@ def test_a_full_disk_keeps_what_was_done_and_says_so(study, tmp_path) -> None:
 
 
 def test_folders_are_written_when_asked_for(study, campaign, tmp_path) -> None:
-    options = TrialsOptions(
+    options = Options(
         study=str(study), out=tmp_path / "out", seeds="2:3", planner=("random",), folders=True, jobs=1
     )
-    run_trials(options)
+    run_campaign(options)
     (folder,) = (tmp_path / "out" / "trials").iterdir()
     summary = json.loads((folder / "summary.json").read_text())
     assert (summary["planner"], summary["seed"]) == ("random", 2)

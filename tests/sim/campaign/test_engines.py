@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 import trial_work
-from sim.running.options import EpisodeOptions
 
 from sim.campaign.engines.engine import make_engine
 from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Part, Trial
 from sim.errors import UsageError
+from sim.running.fields import config_of
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -29,7 +29,7 @@ def trials(count: int, **options) -> list[Trial]:
 
 def outcomes(engine, some: list[Trial]) -> dict[int, dict]:
     found = [outcome for outcome in engine.outcomes(some) if outcome is not None]
-    rows = {outcome.trial.options.seed: outcome.result.row for outcome in found}
+    rows = {outcome.trial.config.seed: outcome.result.row for outcome in found}
     assert len(found) == len(some) == len(rows)
     return rows
 
@@ -42,7 +42,7 @@ def test_a_trial_that_kills_its_process_twice_is_a_row_and_the_others_are_untouc
 
 
 def test_a_process_killed_midway_costs_nothing(tmp_path) -> None:
-    some = [Trial(EpisodeOptions(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
+    some = [Trial(config_of(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
     with LocalEngine(2, work=trial_work.deadly_once) as engine:
         rows = outcomes(engine, some)
     assert (tmp_path / "marker").exists()
@@ -94,7 +94,7 @@ def test_a_dask_cluster_survives_the_death_of_a_worker(tmp_path) -> None:
     pytest.importorskip("distributed")
     from sim.campaign.engines.dask_engine import DaskEngine
 
-    some = [Trial(EpisodeOptions(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
+    some = [Trial(config_of(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
     with DaskEngine(2, None, work=trial_work.deadly_once) as engine:
         rows = outcomes(engine, some)
     assert (tmp_path / "marker").exists()
@@ -106,7 +106,7 @@ def test_a_ray_cluster_survives_the_death_of_a_worker(tmp_path, monkeypatch) -> 
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))  # where its workers find trial_work
     from sim.campaign.engines.ray_engine import RayEngine
 
-    some = [Trial(EpisodeOptions(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
+    some = [Trial(config_of(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
     with RayEngine(2, None, work=trial_work.deadly_once) as engine:
         rows = outcomes(engine, some)
     assert (tmp_path / "marker").exists()

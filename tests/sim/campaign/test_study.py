@@ -7,14 +7,14 @@ import itertools
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sim.cli.trials_options import TrialsOptions
-from sim.running.options import EpisodeOptions
 
 from planner import planner_names
-from sim.campaign.study import NOT_AXES, Part, Study, key_of, option_names, options_of, parse_seeds
+from sim.campaign.study import NOT_AXES, Part, Study, key_of, option_names, parse_seeds
 from sim.campaign.study_file import load_study, study_names
+from sim.cli.trials import Options
 from sim.episode.scenario import SCENARIOS
 from sim.errors import UsageError
+from sim.running.fields import config_of, field_names
 
 GOOD = """
 title = "mine"
@@ -46,7 +46,7 @@ def study_of(tmp_path, text: str) -> Study:
 
 
 def test_every_option_of_an_episode_may_be_an_axis() -> None:
-    assert set(option_names()) == set(vars(EpisodeOptions())) - set(NOT_AXES)
+    assert set(option_names()) == set(field_names()) - set(NOT_AXES)
 
 
 @settings(max_examples=30, deadline=None)
@@ -66,7 +66,7 @@ def test_a_part_has_every_combination_once(scenarios, planners, steps, first, co
     assert len(part) == len(trials) == len({trial.key for trial in trials})
     assert [name for name, _ in itertools.groupby(scenario for scenario, *_ in found)] == scenarios
     for trial in trials:
-        assert options_of(trial.settings) == trial.options
+        assert config_of(trial.settings) == trial.config
         assert key_of(trial.settings) == trial.key
 
 
@@ -146,15 +146,15 @@ def test_seeds_are_a_range_or_a_number(text) -> None:
 
 
 def test_the_command_line_makes_a_study() -> None:
-    options = TrialsOptions(scenario=("sphere", "liver"), planner=("random",), trials=4, until_sensed=0.95)
+    options = Options(scenario=("sphere", "liver"), planner=("random",), trials=4, until_sensed=0.95)
     trials = list(options.make_study().trials())
-    assert [(t.options.scenario, t.options.seed) for t in trials] == [
+    assert [(t.config.scenario, t.config.seed) for t in trials] == [
         *(("sphere", seed) for seed in range(4)),
         *(("liver", seed) for seed in range(4)),
     ]
-    assert {t.options.map for t in trials} == {"when-needed"}
-    over = TrialsOptions(study="quick", seeds="7:9", planner=("random",)).make_study()
-    assert {(t.options.planner, t.options.seed) for t in over.trials()} == {("random", 7), ("random", 8)}
+    assert {t.config.mapping.map for t in trials} == {"when-needed"}
+    over = Options(study="quick", seeds="7:9", planner=("random",)).make_study()
+    assert {(t.config.planner, t.config.seed) for t in over.trials()} == {("random", 7), ("random", 8)}
 
 
 @pytest.mark.parametrize(
@@ -167,4 +167,4 @@ def test_the_command_line_makes_a_study() -> None:
 )
 def test_options_out_of_range_are_named(given, text) -> None:
     with pytest.raises(UsageError, match=text):
-        TrialsOptions(**given)
+        Options(**given)

@@ -13,13 +13,14 @@ import SimpleITK
 import trimesh
 from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, save_nifti
 from scipy.spatial.transform import Rotation
-from sim.running.options import EpisodeOptions
 
 from sim.cli.command_line import main
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import make_workspace, placed_organ
 from sim.errors import UsageError
 from sim.record.map_volumes import MapArrays, map_volumes, read_maps
+from sim.running.fields import config_of
+from sim.running.parts import scenario_of
 from sim.world.anatomy.placement import pose_matrix, turned
 from sim.world.anatomy.surface import upper_surface_area_m2
 from sim.world.anatomy.tumour_load import draw_lits_diameters
@@ -118,12 +119,10 @@ def test_an_uneven_lattice_is_refused():
 
 
 def test_poses_near_what_must_not_be_pressed_are_left_out(scan):
-    options = EpisodeOptions(
-        organ=scan, organ_label=(1,), tumour_label=(2,), keepout_label=(3,), keepout_mm=6.0
-    )
-    placed, _ = placed_organ(options.make_scenario())
+    options = config_of(organ=scan, organ_label=(1,), tumour_label=(2,), keepout_label=(3,), keepout_mm=6.0)
+    placed, _ = placed_organ(scenario_of(options))
     (structure,) = placed.structures
-    workspace = make_workspace(options.make_scenario(), placed)
+    workspace = make_workspace(scenario_of(options), placed)
     assert structure.distance_m(workspace.positions_m).min() > 0.006
     free = dataclasses.replace(placed, structures=(dataclasses.replace(structure, is_keepout=False),))
     all_poses = make_workspace(options.make_scenario(), free).positions_m
@@ -192,7 +191,7 @@ def test_meshes_of_each_format_are_organs(tmp_path, suffix):
     scene.add_geometry(ball, transform=trimesh.transformations.translation_matrix([0.1, 0.2, 0.3]))
     path = tmp_path / f"organ.{suffix}"
     (scene if suffix.startswith("gl") else scene.to_mesh()).export(path)
-    loaded = placed_organ(EpisodeOptions(organ=path, unit="m").make_scenario())[0]
+    loaded = placed_organ(scenario_of(config_of(organ=path, unit="m")))[0]
     T_organ_world = np.linalg.inv(loaded.T_world_organ)
     middle_m = T_organ_world @ [*loaded.organ.bounds_m.mean(axis=0), 1.0]
     assert middle_m[:3] == pytest.approx([0.1, 0.2, 0.3], abs=1e-6)
@@ -205,7 +204,7 @@ def test_a_mesh_that_says_ras_is_turned_to_lps(tmp_path):
     content = bytearray((tmp_path / "organ.stl").read_bytes())
     content[:80] = b"3D Slicer output. SPACE=RAS".ljust(80)
     (tmp_path / "organ.stl").write_bytes(bytes(content))
-    loaded, notices = placed_organ(EpisodeOptions(organ=tmp_path / "organ.stl").make_scenario())
+    loaded, notices = placed_organ(scenario_of(config_of(organ=tmp_path / "organ.stl")))
     middle_m = np.linalg.inv(loaded.T_world_organ) @ [*loaded.organ.bounds_m.mean(axis=0), 1.0]
     assert middle_m[:3] == pytest.approx([-0.03, -0.04, 0.05], abs=1e-6)
     assert any("RAS axes, which were turned" in notice for notice in notices)
@@ -213,30 +212,30 @@ def test_a_mesh_that_says_ras_is_turned_to_lps(tmp_path):
 
 def test_a_mesh_of_very_many_triangles_is_simplified_and_said_so(tmp_path):
     trimesh.creation.icosphere(subdivisions=7, radius=60.0).export(tmp_path / "organ.stl")  # 327,680
-    loaded, notices = placed_organ(EpisodeOptions(organ=tmp_path / "organ.stl").make_scenario())
+    loaded, notices = placed_organ(scenario_of(config_of(organ=tmp_path / "organ.stl")))
     assert len(loaded.organ.faces) <= 100_000
     assert loaded.organ.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.06**3, rel=1e-3)
     assert any("327,680 triangles were simplified to" in notice for notice in notices)
 
 
 def test_the_organ_lies_as_the_pose_says():
-    turned_by = EpisodeOptions(organ_pose=("90", "0", "0")).make_scenario()
+    turned_by = scenario_of(config_of(organ_pose=("90", "0", "0")))
     placed, _ = placed_organ(turned_by)
     # A quarter turn about the world's x brings the front (up) to -y, and the head (world y) up.
     assert placed.T_world_organ[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
     assert placed.organ.bounds_m[0, 2] == pytest.approx(0.0, abs=1e-12)
-    at = EpisodeOptions(organ_pose=("500", "10", "80", "1", "0", "0", "0")).make_scenario()
+    at = scenario_of(config_of(organ_pose=("500", "10", "80", "1", "0", "0", "0")))
     assert placed_organ(at)[0].T_world_organ == pytest.approx(pose_matrix([0.5, 0.01, 0.08], [1, 0, 0, 0]))
     for words in (("up",), ("1", "2"), ("0", "0", "0", "0", "0", "0", "0"), ("nan", "0", "0")):
         with pytest.raises(UsageError, match="three angles"):
-            EpisodeOptions(organ_pose=words).make_scenario()
+            scenario_of(config_of(organ_pose=words))
 
 
 def test_the_best_pose_of_a_plate_on_edge_shows_its_face(tmp_path):
     # Anterior up, 40 x 120 mm of it face up; its faces have 160 x 120, and tilted it shows an edge besides.
     box = trimesh.creation.box((40.0, 160.0, 120.0)).subdivide_to_size(20.0)
     box.export(tmp_path / "plate.stl")
-    best = EpisodeOptions(organ=tmp_path / "plate.stl", organ_pose=("best",)).make_scenario()
+    best = scenario_of(config_of(organ=tmp_path / "plate.stl", organ_pose=("best",)))
     placed, _ = placed_organ(best, None)
     assert upper_surface_area_m2(placed.organ, np.random.default_rng(0)) >= 0.160 * 0.120
 
@@ -248,7 +247,7 @@ def test_a_turn_by_nothing_is_anterior_up():
 @pytest.fixture(scope="module")
 def generated():
     """Scenarios and organs of two seeds."""
-    scenarios = [EpisodeOptions(scenario="generated-liver", seed=seed).make_scenario() for seed in (4, 5)]
+    scenarios = [scenario_of(config_of(scenario="generated-liver", seed=seed)) for seed in (4, 5)]
     return scenarios, [placed_organ(scenario)[0].organ for scenario in scenarios]
 
 
@@ -256,7 +255,7 @@ def test_every_seed_has_a_liver_of_its_own_and_planners_share_it(generated):
     (scenario, _), (organ, other) = generated
     assert organ.volume_m3 != pytest.approx(other.volume_m3, rel=1e-3)
     for planner in ("random", "find-and-outline"):  # equal scenarios are one setup
-        assert EpisodeOptions(scenario="generated-liver", seed=4, planner=planner).make_scenario() == scenario
+        assert scenario_of(config_of(scenario="generated-liver", seed=4, planner=planner)) == scenario
     assert np.array_equal(placed_organ(scenario)[0].organ.vertices_m, organ.vertices_m)
 
 

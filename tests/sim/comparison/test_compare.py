@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from sim.cli.trials_options import CompareOptions
 
 from sim.campaign.campaign_folder import FORMAT
 from sim.campaign.journal import encoded
-from sim.comparison.compare import run_compare
+from sim.comparison.compare import compare
 from sim.comparison.comparison import compare_groups
 from sim.comparison.trial_groups import load_groups
 from sim.errors import UsageError
@@ -108,7 +107,7 @@ def test_failed_trials_are_told_and_left_out_of_figures_alone(campaign, tmp_path
     failed["row"] = {"status": "failed", "error": "WorldError: no place"}
     with (campaign / "journal.jsonl").open("ab") as file:
         file.write(encoded(failed))
-    summary = run_compare(CompareOptions(folders=(campaign,), out=tmp_path / "out"))
+    summary = compare((campaign,), out=tmp_path / "out")
     assert "1 trials of this case have no result" in summary.text
     assert "seed 99: WorldError: no place" in summary.text
 
@@ -122,7 +121,7 @@ def test_campaigns_with_equal_trials_are_told_apart_by_folder(tmp_path) -> None:
         )
         for name, more in (("old", 0), ("new", 5))
     )
-    summary = run_compare(CompareOptions(folders=folders, out=tmp_path / "out"))
+    summary = compare(folders, out=tmp_path / "out")
     assert "random (old) − random (new)" in summary.text
     assert "The campaigns were run with different versions: commit differs." in summary.text
     rows = list(csv.DictReader((tmp_path / "out" / "compare.csv").open()))
@@ -174,7 +173,7 @@ def test_a_map_s_campaign_gets_curves_and_all_figures_show_something(campaign, t
         for planner, top in (("expected-improvement", 0.9), ("random", 0.4))
     ]
     other = write(tmp_path / "maps", curves)
-    summary = run_compare(CompareOptions(folders=(campaign, other), out=tmp_path / "out"))
+    summary = compare((campaign, other), out=tmp_path / "out")
     names = [re.sub(r"-(sphere|liver).*", "", path.name) for path in summary.figures]
     assert names == ["sensings", "reached", "sensings", "reached", "auprc", "precision_recall"]
     for path in summary.figures:
@@ -201,4 +200,4 @@ def test_an_episode_that_ended_early_keeps_its_last_value_on_the_curve(tmp_path)
 )
 def test_what_cannot_be_compared_is_said(campaign, tmp_path, change, text) -> None:
     with pytest.raises(UsageError, match=text):
-        run_compare(CompareOptions(**{"folders": (campaign,), "out": tmp_path / "out"} | change))
+        compare((campaign,), tmp_path / "out", **change)

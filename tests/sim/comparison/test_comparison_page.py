@@ -6,11 +6,11 @@ import re
 
 import numpy as np
 import pytest
-from sim.cli.trials_options import CompareOptions
 from test_compare import entry, map_entry, write
 
-from sim.campaign.study import Trial, options_of
-from sim.comparison.compare import run_compare
+from sim.campaign.study import Trial
+from sim.comparison.compare import compare
+from sim.running.fields import config_of
 
 SEEDS = 8
 
@@ -28,7 +28,7 @@ def campaign(tmp_path):
 
 
 def test_the_page_holds_every_case_measure_and_contender(campaign) -> None:
-    summary = run_compare(CompareOptions(folders=(campaign,)))
+    summary = compare((campaign,))
     text = (summary.folder / "report.html").read_text(encoding="utf-8")
     assert "sphere, arm none" in text
     assert "liver, arm default" in text
@@ -43,11 +43,11 @@ def test_the_page_holds_every_case_measure_and_contender(campaign) -> None:
 
 
 def test_runs_that_have_a_report_are_linked(campaign, tmp_path) -> None:
-    options = options_of(entry(3, "random", needed=20)["settings"])
-    folder = campaign / "trials" / Trial(options).name
+    config = config_of(entry(3, "random", needed=20)["settings"])
+    folder = campaign / "trials" / Trial(config).name
     folder.mkdir(parents=True)
     (folder / "report.html").write_text("here")
     out = tmp_path / "elsewhere" / "compare"
-    run_compare(CompareOptions(folders=(campaign,), out=out))
+    compare((campaign,), out=out)
     (address,) = re.findall(r'href="([^"]+report\.html)"', (out / "report.html").read_text(encoding="utf-8"))
     assert (out / address).resolve() == (folder / "report.html").resolve()

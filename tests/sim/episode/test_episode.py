@@ -8,8 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from sim.running.options import EpisodeOptions
-from sim.running.run import run_episode
 
 from mapping import MapSettings
 from planner import Planner, make_planner, planner_names
@@ -17,6 +15,9 @@ from sim.episode.episode import Episode
 from sim.episode.positioner import Positioner
 from sim.episode.setup import Setup
 from sim.errors import UsageError
+from sim.running.fields import config_of, recorded
+from sim.running.parts import make_parts
+from sim.running.run_episode import Output, record_episode
 from sim.world.ik.result import IkResult, IkStatus
 
 PAPER_MAP = MapSettings.paper()
@@ -101,7 +102,7 @@ def test_the_probe_lifts_between_places(sphere_arm_setup) -> None:
     np.testing.assert_allclose(path_m[-1], steps[1].reading.T_world_probe[:3, 3], atol=1e-12)
 
 
-class LameCarrier(Positioner):
+class LamePositioner(Positioner):
     """Reaches only some poses of another positioner."""
 
     def __init__(self, positioner: Positioner, reachable: set[int]) -> None:
@@ -124,7 +125,7 @@ def test_unreachable_poses_are_skipped_once_and_the_episode_ends_when_none_is_le
             return iter(pose for pose in range(8) if situation.available(exclude_sensed=True)[pose])
 
     setup = replace(
-        sphere_setup, positioner=LameCarrier(sphere_setup.positioner, set(range(14_400)) - {0, 1, 5})
+        sphere_setup, positioner=LamePositioner(sphere_setup.positioner, set(range(14_400)) - {0, 1, 5})
     )
     told: list[int] = []
     episode = Episode(setup, Listed(), seed=0)
@@ -136,17 +137,19 @@ def test_unreachable_poses_are_skipped_once_and_the_episode_ends_when_none_is_le
 
 
 def test_a_long_search_for_a_pose_within_reach_says_so_and_can_be_stopped(sphere_setup, tmp_path, capsys):
-    options = EpisodeOptions(planner="random", arm="none", steps=3, frames="none", out=tmp_path / "run")
+    config = config_of(planner="random", arm="none", steps=3)
+    parts = make_parts(config)
     some = set(range(0, 14_400, 400))
-    setup = replace(sphere_setup, positioner=LameCarrier(sphere_setup.positioner, some))
-    assert run_episode(options, setup=setup)["n_skipped_poses"] > 100
+    setup = replace(sphere_setup, positioner=LamePositioner(sphere_setup.positioner, some))
+    output = Output(folder=tmp_path / "run", options=recorded(config))
+    assert record_episode(parts, output, setup=setup)["n_skipped_poses"] > 100
     said = capsys.readouterr().err
     assert said.count("reaches none of the 100 poses chosen last") == 1
     assert "sounding reach" in said
 
     asked, before = [], signal.getsignal(signal.SIGINT)
 
-    class Pressing(LameCarrier):
+    class Pressing(LamePositioner):
         def reach(self, pose):
             if signal.getsignal(signal.SIGINT) is not before:  # the episode runs
                 asked.append(pose)
@@ -156,7 +159,7 @@ def test_a_long_search_for_a_pose_within_reach_says_so_and_can_be_stopped(sphere
 
     setup = replace(sphere_setup, positioner=Pressing(sphere_setup.positioner, some))
     with pytest.raises(KeyboardInterrupt):
-        run_episode(replace(options, out=tmp_path / "stopped"), setup=setup)
+        record_episode(parts, replace(output, folder=tmp_path / "stopped"), setup=setup)
     assert len(asked) == 1
     assert '"interrupted"' in (tmp_path / "stopped" / "manifest.json").read_text()
 
@@ -197,7 +200,7 @@ def test_without_tumours_it_ends_by_itself_when_the_planner_is_confident(sphere_
 
 def test_planners_say_which_map_they_were_made_for() -> None:
     chosen = {
-        name: EpisodeOptions(planner=name).make_map_settings().prior_prevalence for name in planner_names()
+        name: make_parts(config_of(planner=name)).map_settings.prior_prevalence for name in planner_names()
     }
     assert chosen == {
         "expected-improvement": 0.5,
@@ -205,7 +208,7 @@ def test_planners_say_which_map_they_were_made_for() -> None:
         "random": 0.5,
         "multi-resolution": 0.5,
     }
-    asked = EpisodeOptions(planner="find-and-outline", map_settings="paper")
-    assert asked.make_map_settings().prior_prevalence == 0.5
-    with pytest.raises(UsageError, match="--until-confident 1"):
-        EpisodeOptions(until_confident=1.0)
+    config = config_of(planner="find-and-outline", map_settings="paper")
+    assert make_parts(config).map_settings.prior_prevalence == 0.5
+    with pytest.raises(UsageError, match="until_confident=1"):
+        config_of(until_confident=1.0)

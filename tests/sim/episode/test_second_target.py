@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from sim.running.options import EpisodeOptions
 from two_classes import options, sensed, setup_of, write_meshes
 
 from mapping import HilbertMap, average_precision
@@ -18,6 +17,8 @@ from sim.episode.positioner import FreePositioner
 from sim.episode.scenario import Scenario
 from sim.episode.setup import Setup
 from sim.errors import UsageError
+from sim.running.fields import config_of
+from sim.running.parts import make_parts, planner_of
 from sim.world.scene.scene import build_scene
 from sim.world.sensing.cone_sensor import ConeSensor
 from sim.world.sensing.sensor import SceneState
@@ -100,11 +101,11 @@ def test_the_tumours_know_nothing_of_it(case, setup, both) -> None:
 
 
 def test_its_map_is_the_one_that_learns_its_labels_alone(case, setup) -> None:
-    asked = options(case)
-    episode, steps = sensed(asked, setup)
+    config = options(case)
+    episode, steps = sensed(config, setup)
     own = HilbertMap(
         setup.hinges,
-        asked.make_map_settings(),
+        make_parts(config).map_settings,
         query=setup.query,
         query_mask=setup.is_inside,
         hinge_mask=setup.hinge_mask,
@@ -140,6 +141,6 @@ def test_classes_that_change_places_change_maps(case, setup) -> None:
 def test_a_class_that_is_not_there_is_refused(setup) -> None:
     with pytest.raises(UsageError, match="go with an organ's own file"):
         Scenario(target_files=("cyst.stl",))
-    planner, alone = EpisodeOptions().make_planner(), dataclasses.replace(setup, given_targets=())
+    planner, alone = planner_of(config_of()), dataclasses.replace(setup, given_targets=())
     with pytest.raises(ValueError, match="no second class"):
         Episode(alone, planner, seed=0, plans_for_target=True)

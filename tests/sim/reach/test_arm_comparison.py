@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from sim.cli.command_line import main
-from sim.reach.arm_comparison import COLUMNS, folder_names, markdown_table
+from sim.reach.arm_comparison import COLUMNS, arms_table, folder_names
 from sim.reach.tables import write_parquet
 from sim.world.scene.arm import MODELS_DIR
 
@@ -56,7 +56,7 @@ def test_the_markdown_is_a_table(folder) -> None:
 
 def test_names_are_never_given_twice() -> None:
     assert folder_names(["default", "a/x.xml", "b/x.xml"]) == ["default", "x", "x-2"]
-    assert markdown_table([dict.fromkeys(COLUMNS, None) | {"arm": "x", "best_base": ""}]).count("\n") == 3
+    assert arms_table([dict.fromkeys(COLUMNS, None) | {"arm": "x", "best_base": ""}]).count("\n") == 3
 
 
 @pytest.mark.parametrize(

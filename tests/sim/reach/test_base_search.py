@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shlex
 
 import mujoco
@@ -12,17 +13,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.cli.command_line import _parse, main
+from sim.cli.command_line import main, parse_command
 from sim.episode.scenario_file import load_scenario
 from sim.reach.base_grid import Stand
 from sim.reach.base_search import BaseQuestion, search_base
 from sim.reach.reachability import reached_fraction
 from sim.reach.workcell import build_workcell
+from sim.running.parts import arm_standing
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.base_room import BaseRoom
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.clearance_meter import ClearanceMeter
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import build_scene
 
 COARSE = 'base = "liver"\nn_poses = 60\n'
@@ -35,7 +37,8 @@ def workcell(tmp_path_factory):
     path = tmp_path_factory.mktemp("case") / "coarse.toml"
     path.write_text(COARSE)
     return build_workcell(
-        load_scenario(str(path)), arm_named("default", base_mm=(-250.0, 350.0, 0.0), base_yaw_deg=90.0)
+        load_scenario(str(path)),
+        named_arm("default", base_m=(-0.25, 0.35, 0.0), base_yaw_rad=np.deg2rad(90.0)),
     )
 
 
@@ -153,9 +156,10 @@ def test_the_command_writes_its_table_and_says_what_to_type(tmp_path, capsys) ->
     assert summary["base_search"]["best_reached_fraction_by_sample"] >= ranked[2]  # of the best three
     assert summary["base_search"]["best_reached_fraction"] > summary["reached_fraction"]
     assert (out / "bases.png").stat().st_size > 10_000
-    options = summary["base_search"]["best_options"]
-    assert options in text
-    placed = _parse(["reach", *shlex.split(options)])
-    arm = arm_named("default", base_mm=placed.base_mm, base_yaw_deg=placed.base_yaw_deg)
+    best = summary["base_search"]["best_base"]
+    (options,) = re.findall(r"to put the base there: (.*)", text)
+    placed = parse_command(["reach", *shlex.split(options)])
+    assert (list(placed.base_mm), placed.base_yaw_deg) == (best["base_mm"], best["base_yaw_deg"])
+    arm = arm_standing("default", None, base_mm=placed.base_mm, base_yaw_deg=placed.base_yaw_deg)
     assert arm.base_m == pytest.approx([summary["base_search"][f"best_{axis}_m"] for axis in "xyz"], abs=1e-9)
     assert arm.base_yaw_rad == pytest.approx(summary["base_search"]["best_yaw_rad"], abs=1e-9)

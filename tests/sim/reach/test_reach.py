@@ -11,19 +11,19 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from sim.cli.arm_options import IkOptions, ReachOptions
 
 from planner import Workspace
-from sim.cli.command_line import _parse, main
+from sim.cli import ik, reach
+from sim.cli.command_line import main, parse_command
 from sim.episode.scenario_file import load_scenario
-from sim.reach.explanation import explain_in
+from sim.reach.explanation import explain_pose
 from sim.reach.pose_pool import chunk_answers
 from sim.reach.reachability import study_reach, tilted
 from sim.reach.regions import contact_regions
 from sim.reach.workcell import build_workcell
 from sim.world.ik.search import Answers
 from sim.world.scene.clearance import FAR_M
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 
 ROOT = Path(__file__).resolve().parents[3]
 GANTRY = """<mujoco><compiler angle="radian"/>
@@ -41,7 +41,7 @@ COARSE = 'base = "liver"\nn_poses = 60\n'
 def workcell(tmp_path_factory):
     path = tmp_path_factory.mktemp("case") / "coarse.toml"
     path.write_text(COARSE)
-    return build_workcell(load_scenario(str(path)), arm_named("default"))
+    return build_workcell(load_scenario(str(path)), named_arm("default"))
 
 
 @pytest.fixture(scope="module")
@@ -146,9 +146,8 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, words, capsys, tmp_pat
 
 def test_a_reached_pose_is_explained_with_all_joints(workcell, study) -> None:
     pose = int(np.flatnonzero(study.is_reached)[0])
-    position_mm = workcell.workspace.positions_m[pose] * 1e3
-    options = IkOptions(position_mm=tuple(position_mm), normal=tuple(2.0 * workcell.workspace.normals[pose]))
-    explanation = explain_in(workcell, options)
+    position_m, normal = workcell.workspace.positions_m[pose], 2.0 * workcell.workspace.normals[pose]
+    explanation = explain_pose(workcell, position_m, normal, standoff_m=0.04)
     assert explanation.is_reached
     assert "answer           reached" in explanation.text
     assert "on the organ's surface" in explanation.text
@@ -156,12 +155,13 @@ def test_a_reached_pose_is_explained_with_all_joints(workcell, study) -> None:
     assert "clearance" in explanation.text
 
 
-def test_a_pose_inside_the_organ_and_one_in_metres_say_so(workcell) -> None:
-    inside = explain_in(workcell, IkOptions(position_mm=(500.0, 0.0, 100.0)))
+def test_a_pose_inside_the_organ_and_one_in_metres_say_so(workcell, capsys) -> None:
+    inside = explain_pose(workcell, (0.5, 0.0, 0.1), (0.0, 0.0, -1.0), standoff_m=0.04)
     assert not inside.is_reached
     assert "inside the organ" in inside.text
     assert "probe_" in inside.text  # the pair that collides
-    assert "given in metres?" in explain_in(workcell, IkOptions(position_mm=(0.5, 0.0, 0.1))).text
+    main(["ik", "--scenario", "sphere", "--position-mm", "0.5", "0", "0.1"])
+    assert "given in metres?" in capsys.readouterr().out
 
 
 def test_an_unreached_pose_ends_with_exit_code_1(capsys) -> None:
@@ -225,7 +225,7 @@ def test_any_arm_is_studied_and_its_limits_hold(tmp_path, workcell) -> None:
     """A gantry of slides and two hinges that reaches one half of the organ: the answer is known from its rails."""
     path = tmp_path / "gantry.xml"
     path.write_text(GANTRY)
-    gantry = build_workcell(workcell.scenario, arm_named(str(path)))
+    gantry = build_workcell(workcell.scenario, named_arm(str(path)))
     study = study_reach(gantry.make_search(), gantry.workspace)
     flange_y_m = gantry.workspace.positions_m[:, 1] - 0.16 * gantry.workspace.normals[:, 1]
     assert not study.is_reached[flange_y_m < -0.02 - 1e-3].any()
@@ -239,8 +239,8 @@ def test_the_pages_commands_are_understood_and_its_modules_exist() -> None:
     lines = [
         line for block in re.findall(r"```sh\n(.*?)```", page, flags=re.DOTALL) for line in block.splitlines()
     ]
-    parsed = [_parse(shlex.split(line, comments=True)[1:]) for line in lines]
-    assert {type(options) for options in parsed} == {ReachOptions, IkOptions}
-    named = set(re.findall(r"`(?:sim/world/)?([a-z_]+\.py)`", page))
+    parsed = [parse_command(shlex.split(line, comments=True)[1:]) for line in lines]
+    assert {type(options) for options in parsed} == {reach.Options, ik.Options}
+    named = set(re.findall(r"`(?:sim/world/)?[a-z_/]*?([a-z_]+\.py)`", page))
     assert len(named) >= 4
-    assert named <= {path.name for path in (ROOT / "sim" / "world").glob("*.py")}
+    assert named <= {path.name for path in (ROOT / "sim" / "world").rglob("*.py")}

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from sim.errors import UsageError
-from sim.world.meshes.file_kinds import CodingName, MeshFrame, Unit
+from sim.world.meshes.coordinates import MeshFrame, Unit
+from sim.world.volumes.label_coding import CodingName
 
 TumourShape = Literal["sphere", "lobulated"]
 TumourLoad = Literal["fixed", "lits"]

@@ -14,8 +14,7 @@ from mapping import InsetSettings, MapSettings
 from planner import Planner, make_planner, planner_names
 from sim.episode.scenario import GENERATED_LIVER, CodingName, MeshFrame, Scenario, Unit, load_scenario
 from sim.errors import UsageError
-from sim.world.motion.servo_settings import ServoSettings
-from sim.world.motion.settings import MotionSettings
+from sim.world.motion.settings import MotionSettings, ServoSettings
 
 from .organ_files import organ_changes
 from .organ_pose import pose_changes

@@ -13,8 +13,8 @@ from sim.world.errors import WorldError
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_anatomy import box_of, count_pieces
 from sim.world.volumes.label_coding import LabelChoice
+from sim.world.volumes.masks import box_of, count_pieces
 from sim.world.volumes.volume import Volume
 
 from .inspection_figure import draw_inspection

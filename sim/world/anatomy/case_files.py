@@ -13,15 +13,16 @@ from typing import Literal
 import numpy as np
 
 from sim.world.errors import MeshError, VolumeError
-from sim.world.meshes.file_kinds import MeshFrame, Unit
+from sim.world.meshes.coordinates import MeshFrame, Unit
 from sim.world.meshes.meshes import load_mesh, load_surface, remarks_on_size
 from sim.world.solids.solid import Solid
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_anatomy import LabelledAnatomy, anatomy_of, box_of, tumour_pieces
 from sim.world.volumes.label_coding import CODINGS, Coding, LabelChoice, coding_of
 from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
+from sim.world.volumes.masks import box_of, label_pieces
 from sim.world.volumes.volume import Volume, shifted
 
+from .label_anatomy import MOST_TUMOURS, LabelledAnatomy, anatomy_of
 from .structures import Structure
 
 BodyKind = Literal["tumour", "target"]
@@ -175,9 +176,9 @@ def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) 
     coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
     wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
     wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
-    pieces, sizes = tumour_pieces(volume.labels, wanted)
+    pieces, sizes = label_pieces(volume.labels, wanted)
     solids = []
-    for piece in np.argsort(-sizes[1:], kind="stable")[:50] + 1:
+    for piece in np.argsort(-sizes[1:], kind="stable")[:MOST_TUMOURS] + 1:
         diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
         box = box_of(pieces == piece)
         solids.append(

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from sim.world.errors import MeshError, MissingPackageError
 from sim.world.solids.solid import Solid
 
+from .coordinates import METRES_PER_UNIT, MeshFrame, Unit
 from .decimation import decimate
-from .file_kinds import MeshFrame, Unit
 from .files import read_triangles
 from .repair import RepairError, repair
 
 Role = Literal["organ", "tumour", "target"]
-
-METRES_PER_UNIT = {"mm": 1e-3, "m": 1.0}
 
 LARGEST_EXTENT_M = 2.0
 """No organ has a longer bounding box [m]; millimetres taken for metres always do."""

@@ -13,6 +13,16 @@ from numpy.typing import NDArray
 from sim.world.errors import VolumeError
 from sim.world.memory import spare_bytes
 
+METRES_PER_UNIT = {
+    "mm": 1e-3,
+    "millimeter": 1e-3,
+    "millimeters": 1e-3,
+    "meter": 1.0,
+    "m": 1.0,
+    "micron": 1e-6,
+}
+"""Of the units that headers name."""
+
 BYTES_PER_VOXEL = 4
 """Labels are kept once in parts and once together, where all of a volume is labelled."""
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
 
 from sim.world.errors import VolumeError
 
-from .volume import Volume
+if TYPE_CHECKING:  # so that a scenario, which needs the names of the codings alone, loads no arrays
+    from .volume import Volume
+
+CodingName = Literal["auto", "lits", "msd-liver", "3d-ircadb", "totalsegmentator"]
+"""What the numbers of a label volume mean: `auto` for what the labels tell, or one of `CODINGS`."""
 
 WORDS = {
     "organ": ("liver", "leber", "foie"),

@@ -1,5 +1,7 @@
 """Label volumes: what a segmentation holds comes out in the right place and size."""
 
+from typing import get_args
+
 import nrrd
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
-from sim.world.volumes.label_coding import LabelChoice
+from sim.world.volumes.label_coding import CODINGS, CodingName, LabelChoice
 
 
 @pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1)])
@@ -120,6 +122,10 @@ def test_a_mask_of_one_value_is_the_organ_and_a_coding_by_name_is_obeyed(tmp_pat
     assert_is_the_ball(loaded)
     assert [structure.name for structure in loaded.structures] == ["gallbladder"]
     assert not loaded.structures[0].is_keepout
+
+
+def test_every_coding_has_a_name_that_can_be_given():
+    assert get_args(CodingName) == ("auto", *CODINGS)
 
 
 def test_labels_by_number_take_precedence_and_keepouts_are_marked(tmp_path):

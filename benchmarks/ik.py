@@ -30,7 +30,7 @@ from sim.world.ik.damped_least_squares import AXIS_WEIGHT_M
 from sim.world.ik.kinematics import Kinematics
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 
 POSITION_TOLERANCE_M, ANGLE_TOLERANCE_RAD = 1e-3, np.deg2rad(1.0)
 MINK_STEPS, N_RESTARTS = 100, 20
@@ -46,7 +46,7 @@ def main() -> None:
             study_effort(scenario)
         if arguments.effort:
             return
-        workcell = build_workcell(SCENARIOS["liver"], arm_named("default"))
+        workcell = build_workcell(SCENARIOS["liver"], named_arm("default"))
         print("| poses | method | solved | free | ms a pose |\n|---|---|---|---|---|")
         run(workcell, "made by free configurations", *made_poses(workcell, arguments.poses))
         run(workcell, "liver", *liver_poses(workcell, arguments.poses))
@@ -54,7 +54,7 @@ def main() -> None:
 
 def study_effort(scenario: str) -> None:
     """Whether a study depends on its starts, and what a stronger search still finds."""
-    workcell = build_workcell(SCENARIOS[scenario], arm_named("default"))
+    workcell = build_workcell(SCENARIOS[scenario], named_arm("default"))
     positions_m, normals = workcell.workspace.positions_m, workcell.workspace.normals
     searches = [workcell.make_search(IkSettings(start_seed=seed)) for seed in (0, 1)]
     start_s, start_cpu_s = perf_counter(), process_time()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from sim.world.ik.settings import IkSettings
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.clearance import FAR_M
 from sim.world.scene.clearance_meter import Clearances
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 
 from .workcell import Workcell, build_workcell
 
@@ -45,7 +46,9 @@ def explain_pose(options: IkOptions) -> Explanation:
 
 
 def _arm(options: IkOptions) -> ArmModel:
-    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
+    x_mm, y_mm, z_mm = options.base_mm
+    base_m, yaw_rad = (x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3), math.radians(options.base_yaw_deg)
+    return named_arm(options.arm, options.flange, base_m=base_m, base_yaw_rad=yaw_rad)
 
 
 def explain_in(workcell: Workcell, options: IkOptions) -> Explanation:

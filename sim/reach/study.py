@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import sys
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +20,7 @@ from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
 from sim.world.scene.arm import ArmModel
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 
 from .base_figures import draw_bases
 from .base_search import BaseQuestion, BaseSearch, search_base
@@ -60,12 +61,9 @@ def run_reach(options: ReachOptions) -> dict[str, Any]:
 
 def arm_of(options: ReachOptions, index: int) -> ArmModel:
     """One of the arms that the options name."""
-    return arm_named(
-        options.arm[index],
-        options.flange_of(index),
-        base_mm=options.base_mm,
-        base_yaw_deg=options.base_yaw_deg,
-    )
+    x_mm, y_mm, z_mm = options.base_mm
+    base_m, yaw_rad = (x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3), math.radians(options.base_yaw_deg)
+    return named_arm(options.arm[index], options.flange_of(index), base_m=base_m, base_yaw_rad=yaw_rad)
 
 
 def study_arm(workcell: Workcell, options: ReachOptions, name: str, out: Path) -> ArmStudy:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from contextlib import ExitStack
 from functools import partial
@@ -12,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from planner import Planner
+from sim.cli.arm_options import check_base
 from sim.episode.arm_motion import make_motion_model
 from sim.episode.episode import Episode, Step
 from sim.episode.motion import ProcedureStoppedError
@@ -24,7 +26,7 @@ from sim.record.run_folder import RunFolder
 from sim.record.step_files import run_config, write_map, write_step
 from sim.record.trajectories import write_anatomy, write_motion
 from sim.world.scene.arm import ArmModel
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 from sim.world.scene.rendering import SceneRenderer
 
 from .options import EpisodeOptions
@@ -42,7 +44,10 @@ def arm_model(options: EpisodeOptions) -> ArmModel | None:
     """The arm that the options name, None for a free-flying probe."""
     if options.arm == "none":
         return None
-    return arm_named(options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg)
+    check_base(options.base_mm, options.base_yaw_deg)
+    x_mm, y_mm, z_mm = options.base_mm
+    base_m, yaw_rad = (x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3), math.radians(options.base_yaw_deg)
+    return named_arm(options.arm, options.flange, base_m=base_m, base_yaw_rad=yaw_rad)
 
 
 def make_episode(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import Cone
+from sim.cli.arm_options import check_base
 from sim.cli.replay_options import ReplayOptions
 from sim.episode.motion import Motion
 from sim.errors import UsageError
@@ -19,7 +21,7 @@ from sim.record.locked_folder import MANIFEST
 from sim.record.run_folder import read_rows
 from sim.record.trajectories import read_anatomy, read_motions
 from sim.world.scene.arm import ArmModel
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
 AGREEMENT_M = 1e-6
@@ -88,12 +90,9 @@ def read_recording(folder: Path) -> Recording:
 def _arm(options: dict[str, Any]) -> ArmModel:
     """The arm of a run where it stood."""
     x_mm, y_mm, z_mm = options["base_mm"]
-    return arm_named(
-        options["arm"],
-        options["flange"],
-        base_mm=(x_mm, y_mm, z_mm),
-        base_yaw_deg=options["base_yaw_deg"],
-    )
+    check_base((x_mm, y_mm, z_mm), options["base_yaw_deg"])
+    base_m, yaw_rad = (x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3), math.radians(options["base_yaw_deg"])
+    return named_arm(options["arm"], options["flange"], base_m=base_m, base_yaw_rad=yaw_rad)
 
 
 def set_state(scene: Scene, data: mujoco.MjData, state: NDArray[np.float64]) -> None:

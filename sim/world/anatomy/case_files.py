@@ -98,7 +98,7 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     targets, target_names = _with_files(found.targets, "target", files, notices)
     if not targets and (files.targets or files.labels.targets):
         raise VolumeError(
-            f"{files.organ}: nothing is left of the target class ({'; '.join(notices)}); pass another --target-label, "
+            f"{files.organ}: nothing is left of the target class ({'; '.join(notices)}); pass another `target_label`, "
             "or leave it out"
         )
     structures = list(found.structures)
@@ -142,7 +142,7 @@ def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
     if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
         remarks.append(
             "its header says 1 x 1 x 1 mm, which is what a lost header says: pass the scan's own spacing as "
-            "--spacing-mm X Y Z"
+            "`spacing_mm` X Y Z"
         )
     return remarks
 
@@ -161,7 +161,7 @@ def _refuse_labels(files: CaseFiles) -> None:
     ):
         raise MeshError(
             f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "
-            "tumours as --tumour FILE, targets as --target FILE, structures as --structure FILE or --keepout FILE"
+            "tumours as `tumour` FILE, targets as `target` FILE, structures as `structure` FILE or `keepout` FILE"
         )
 
 
@@ -198,7 +198,7 @@ def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: b
     if len(volume.counts) > 1:
         raise VolumeError(
             f"{file}: holds {len(volume.counts)} labels, and a structure's file one; name labels of the organ's "
-            "own volume with --structure-label or --keepout-label"
+            "own volume with `structure_label` or `keepout_label`"
         )
     box = box_of(volume.labels > 0)
     solid = surface_of(volume.labels[box] > 0, shifted(volume.T_lps_voxel, box), STRUCTURE_SURFACE)

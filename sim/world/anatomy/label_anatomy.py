@@ -111,7 +111,7 @@ def _largest_pieces(
     if sizes.max() < LEAST_ORGAN_SHARE * n_voxels:
         raise VolumeError(
             f"{path}: the organ's label is scattered over {n:,} pieces, of which the largest holds "
-            f"{sizes.max() / n_voxels:.0%}; it holds {describe_labels(volume)}. Pass the right --organ-label, or "
+            f"{sizes.max() / n_voxels:.0%}; it holds {describe_labels(volume)}. Pass the right `organ_label`, or "
             "clean the outline"
         )
     keeps = sizes >= LEAST_ISLAND_SHARE * n_voxels

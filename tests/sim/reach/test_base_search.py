@@ -22,7 +22,7 @@ from sim.world.scene.arm import ArmModel
 from sim.world.scene.base_room import BaseRoom
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.clearance_meter import ClearanceMeter
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import build_scene
 
 COARSE = 'base = "liver"\nn_poses = 60\n'
@@ -35,7 +35,7 @@ def workcell(tmp_path_factory):
     path = tmp_path_factory.mktemp("case") / "coarse.toml"
     path.write_text(COARSE)
     return build_workcell(
-        load_scenario(str(path)), arm_named("default", base_mm=(-250.0, 350.0, 0.0), base_yaw_deg=90.0)
+        load_scenario(str(path)), named_arm("default", base_m=(-0.25, 0.35, 0.0), base_yaw_rad=np.pi / 2)
     )
 
 
@@ -156,6 +156,6 @@ def test_the_command_writes_its_table_and_says_what_to_type(tmp_path, capsys) ->
     options = summary["base_search"]["best_options"]
     assert options in text
     placed = _parse(["reach", *shlex.split(options)])
-    arm = arm_named("default", base_mm=placed.base_mm, base_yaw_deg=placed.base_yaw_deg)
-    assert arm.base_m == pytest.approx([summary["base_search"][f"best_{axis}_m"] for axis in "xyz"], abs=1e-9)
-    assert arm.base_yaw_rad == pytest.approx(summary["base_search"]["best_yaw_rad"], abs=1e-9)
+    best_m = [summary["base_search"][f"best_{axis}_m"] for axis in "xyz"]
+    assert np.array(placed.base_mm) * 1e-3 == pytest.approx(best_m, abs=1e-9)
+    assert np.deg2rad(placed.base_yaw_deg) == pytest.approx(summary["base_search"]["best_yaw_rad"], abs=1e-9)

@@ -23,7 +23,7 @@ from sim.reach.regions import contact_regions
 from sim.reach.workcell import build_workcell
 from sim.world.ik.search import Answers
 from sim.world.scene.clearance import FAR_M
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 
 ROOT = Path(__file__).resolve().parents[3]
 GANTRY = """<mujoco><compiler angle="radian"/>
@@ -41,7 +41,7 @@ COARSE = 'base = "liver"\nn_poses = 60\n'
 def workcell(tmp_path_factory):
     path = tmp_path_factory.mktemp("case") / "coarse.toml"
     path.write_text(COARSE)
-    return build_workcell(load_scenario(str(path)), arm_named("default"))
+    return build_workcell(load_scenario(str(path)), named_arm("default"))
 
 
 @pytest.fixture(scope="module")
@@ -225,7 +225,7 @@ def test_any_arm_is_studied_and_its_limits_hold(tmp_path, workcell) -> None:
     """A gantry of slides and two hinges that reaches one half of the organ: the answer is known from its rails."""
     path = tmp_path / "gantry.xml"
     path.write_text(GANTRY)
-    gantry = build_workcell(workcell.scenario, arm_named(str(path)))
+    gantry = build_workcell(workcell.scenario, named_arm(str(path)))
     study = study_reach(gantry.make_search(), gantry.workspace)
     flange_y_m = gantry.workspace.positions_m[:, 1] - 0.16 * gantry.workspace.normals[:, 1]
     assert not study.is_reached[flange_y_m < -0.02 - 1e-3].any()

@@ -105,7 +105,7 @@ def test_files_are_laid_on_the_table_with_their_tumours(files):
 def test_a_tumour_file_in_another_unit_is_refused_with_the_remedy(files, tmp_path):
     small = trimesh.creation.icosphere(radius=0.008)
     small.export(tmp_path / "metres.stl")
-    with pytest.raises(MeshError, match=r"metres\.stl: .* tumour is 0\.016 mm long.*--unit m"):
+    with pytest.raises(MeshError, match=r"metres\.stl: .* tumour is 0\.016 mm long.*`unit` m"):
         load_anatomy(CaseFiles(organ=str(files[0]), tumours=(str(tmp_path / "metres.stl"),)))
 
 

@@ -184,12 +184,12 @@ def test_a_moebius_strip_thickened_by_nothing_is_refused(tmp_path):
 
 
 def test_millimetres_taken_for_metres_are_named_with_the_remedy(tmp_path):
-    with pytest.raises(MeshError, match=r"bounding box of 100 m .* pass --unit mm"):
+    with pytest.raises(MeshError, match=r"bounding box of 100 m .* pass `unit` mm"):
         load(tmp_path, ball_mm(), unit="m")
 
 
 def test_metres_taken_for_millimetres_are_named_with_the_remedy(tmp_path):
-    with pytest.raises(MeshError, match=r"organ is 0\.1 mm long, below 5 mm; .*pass --unit m$"):
+    with pytest.raises(MeshError, match=r"organ is 0\.1 mm long, below 5 mm; .*pass `unit` m$"):
         load(tmp_path, ball_mm(0.05))
 
 

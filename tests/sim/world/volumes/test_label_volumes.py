@@ -176,7 +176,7 @@ def test_a_lost_spacing_is_noticed_and_can_be_given(tmp_path):
     T, shape = grid((2.5, 2.5, 2.5))
     path = save_nifti(tmp_path / "seg.nii.gz", ball_labels(T, shape), np.eye(4))
     loaded = load(path)
-    assert any("pass the scan's own spacing as --spacing-mm" in notice for notice in loaded.notices)
+    assert any("pass the scan's own spacing as `spacing_mm`" in notice for notice in loaded.notices)
     spaced = load(path, spacing_m=(2.5e-3,) * 3)
     assert spaced.organ.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.055**3, rel=0.02)
 

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from sim.reach.study import reach_study
     from sim.record.run_record import load_run
     from sim.running.run_episode import run_episode
-    from sim.world.case_files import CaseFiles
+    from sim.world.anatomy.case_files import CaseFiles
     from sim.world.scene.named_arms import named_arm
     from sim.world.sensing.cone_sensor import ConeSensor
     from sim.world.sensing.reading import Reading
     from sim.world.sensing.sensor import SceneState, Sensor
 
 _HOMES = {
-    "CaseFiles": "sim.world.case_files",
+    "CaseFiles": "sim.world.anatomy.case_files",
     "ConeSensor": "sim.world.sensing.cone_sensor",
     "Episode": "sim.episode.episode",
     "HilbertMap": "mapping",

@@ -14,8 +14,7 @@ from sim.world.motion.joint_limits import JointLimits, is_embedded
 from sim.world.motion.path_check import PathCheck
 from sim.world.motion.path_search import PathSearch
 from sim.world.motion.servo import ServoArm, ServoRun
-from sim.world.motion.servo_settings import ServoSettings
-from sim.world.motion.settings import MotionKind, MotionSettings
+from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 from sim.world.motion.timing import PathTimer, Trajectory
 
 from .motion import JumpMotion, Motion, MotionModel, Phase, ProcedureStoppedError, blocked, joint_travel_rad

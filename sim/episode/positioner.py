@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from planner import Workspace
+from sim.world.frames import frames_along
 from sim.world.ik.kinematics import Kinematics
 from sim.world.ik.result import IkResult, IkStatus
 from sim.world.ik.settings import IkSettings
@@ -104,7 +104,7 @@ class FreePositioner(Positioner):
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
         """See `Positioner.place`."""
         normal = self.workspace.normals[pose]
-        R_world_probe = _frame_along(normal)
+        R_world_probe = frames_along(normal[None])[0]
         tip_m = self.workspace.positions_m[pose] - (self._standoff_m if is_lifted else 0.0) * normal
         data.mocap_pos[0] = tip_m - R_world_probe @ self._tip_in_body_m
         mujoco.mju_mat2Quat(data.mocap_quat[0], R_world_probe.ravel())
@@ -114,11 +114,3 @@ class FreePositioner(Positioner):
 def _joint_column(model: mujoco.MjModel, joint: int) -> str:
     name = model.joint(joint).name.removeprefix("arm_") or f"joint{joint + 1}"
     return f"{name}_m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else f"{name}_rad"
-
-
-def _frame_along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A rotation whose z is the normal and whose x leans towards world x, shape (3, 3)."""
-    x_axis = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    x_axis = x_axis - (x_axis @ normal) * normal
-    x_axis /= np.linalg.norm(x_axis)
-    return np.column_stack([x_axis, np.cross(normal, x_axis), normal])

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 from sim.errors import UsageError
-from sim.world.case_files import CaseFiles
-from sim.world.meshes.file_kinds import CodingName, MeshFrame, Unit
+from sim.world.anatomy.case_files import CaseFiles
+from sim.world.meshes.coordinates import MeshFrame, Unit
+from sim.world.volumes.label_coding import CodingName
 
 if TYPE_CHECKING:
-    from sim.world.case_files import Body
+    from sim.world.anatomy.case_files import Body
 
 TumourShape = Literal["sphere", "lobulated"]
 TumourLoad = Literal["fixed", "lits"]

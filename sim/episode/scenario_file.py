@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sim.errors import UsageError
-from sim.world.case_files import CaseFiles, LabelChoice
+from sim.world.anatomy.case_files import CaseFiles
+from sim.world.volumes.label_coding import LabelChoice
 
 from .scenario import LIVER, NAMED_ORGANS, SCENARIOS, Scenario
 
 if TYPE_CHECKING:
-    from sim.world.case_files import Body
+    from sim.world.anatomy.case_files import Body
 
 FILE_KEYS = {
     "tumour_files": "tumours",

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from mapping import Lattice, MapSettings
 from planner import Cone, Workspace, visible_points
 from sim.world.anatomy.anatomy import build_anatomy
+from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.liver_generator import make_liver
 from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy
 from sim.world.anatomy.paper_organ import paper_organ
 from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose, turned
 from sim.world.anatomy.structures import Structure, is_pressable
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
-from sim.world.case_files import CaseFiles
 from sim.world.errors import MeshError
 from sim.world.scene.arm import MODELS_DIR, ArmModel
 from sim.world.scene.base_room import check_base_room

@@ -10,7 +10,7 @@ the remedy in their text. Loading a plug needs no MuJoCo, unless the plug's own 
 
 from .errors import PlugError
 from .kinds import MAP, PLANNER, SENSOR, PlugKind
-from .loading import load_plug, make_plug, plug_names
+from .loading import is_plug, load_plug, make_plug, plug_names
 from .options import parse_plug_options
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "SENSOR",
     "PlugError",
     "PlugKind",
+    "is_plug",
     "load_plug",
     "make_plug",
     "parse_plug_options",

@@ -91,6 +91,11 @@ def plug_names(kind: PlugKind) -> tuple[str, ...]:
     return tuple(sorted({entry_point.name for entry_point in entry_points(group=kind.group)}))
 
 
+def is_plug(text: str, kind: PlugKind) -> bool:
+    """Whether a text is meant as a plug: it names a place, or an installed entry point."""
+    return ":" in text or text in plug_names(kind)
+
+
 def _check_place(label: str, module_name: str, attribute: str) -> None:
     _refuse_file(label, module_name, attribute)
     parts = [*module_name.split("."), *attribute.split(".")]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from planner import Workspace
+from sim.world.frames import frames_along
 from sim.world.ik.attempts import comfort_score
 from sim.world.ik.result import IkResult, IkStatus
 from sim.world.ik.search import CHUNK, Answers, IkSearch
@@ -139,10 +140,7 @@ def _least_tilts(
 
 def tilted(normals: NDArray[np.float64], angle_rad: float, n_azimuths: int) -> NDArray[np.float64]:
     """Directions at an angle to unit normals, evenly around each, shape (N, n_azimuths, 3)."""
-    side = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    x = np.cross(side, normals)
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    y = np.cross(normals, x)
+    frames = frames_along(normals)[:, None]
     azimuth = np.arange(n_azimuths)[:, None] * 2.0 * np.pi / n_azimuths
-    around = np.cos(azimuth) * x[:, None] + np.sin(azimuth) * y[:, None]
+    around = np.sin(azimuth) * frames[..., 0] - np.cos(azimuth) * frames[..., 1]
     return np.cos(angle_rad) * normals[:, None] + np.sin(angle_rad) * around

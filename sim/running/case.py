@@ -9,8 +9,9 @@ from typing import Any
 
 from sim.episode.scenario import LIVER
 from sim.errors import FieldError, UsageError
-from sim.world.case_files import CaseFiles, LabelChoice
-from sim.world.meshes.file_kinds import CodingName, MeshFrame, Unit
+from sim.world.anatomy.case_files import CaseFiles
+from sim.world.meshes.coordinates import MeshFrame, Unit
+from sim.world.volumes.label_coding import CodingName, LabelChoice
 
 MOST_MM = 3000.0
 """No organ stands farther from the arm's base than this."""

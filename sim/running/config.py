@@ -12,7 +12,7 @@ from typing import Literal
 
 from planner import planner_names
 from sim.errors import FieldError
-from sim.plugs import MAPS, PLANNERS, SENSORS, is_plug
+from sim.plugs import MAP, PLANNER, SENSOR, is_plug
 from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
@@ -206,15 +206,15 @@ class EpisodeConfig:
             raise FieldError("until_confident", self.until_confident, "between 0 and 1, both excluded.")
         if self.seed < 0:
             raise FieldError("seed", self.seed, "0 or more.")
-        if self.planner not in planner_names() and not is_plug(self.planner, PLANNERS):
+        if self.planner not in planner_names() and not is_plug(self.planner, PLANNER):
             known = ", ".join(planner_names())
             raise FieldError(
                 "planner", self.planner, f"choose one of {known}, or name yours as package.module:Class."
             )
-        if self.sensor != CONE and not is_plug(self.sensor, SENSORS):
+        if self.sensor != CONE and not is_plug(self.sensor, SENSOR):
             raise FieldError("sensor", self.sensor, f"choose {CONE}, or name yours as package.module:Class.")
         kept = self.mapping.map
-        if kept not in (ALWAYS, WHEN_NEEDED) and not is_plug(kept, MAPS):
+        if kept not in (ALWAYS, WHEN_NEEDED) and not is_plug(kept, MAP):
             raise FieldError(
                 "map", kept, f"choose {ALWAYS} or {WHEN_NEEDED}, or name your map as package.module:Class."
             )

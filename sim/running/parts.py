@@ -12,9 +12,8 @@ from planner import Planner, make_planner
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
-from sim.plugs import MAPS, PLANNERS, SENSORS, is_plug, load_plug, make_plug, parse_plug_options
-from sim.world.motion.servo_settings import ServoSettings
-from sim.world.motion.settings import MotionKind, MotionSettings
+from sim.plugs import MAP, PLANNER, SENSOR, is_plug, load_plug, make_plug, parse_plug_options
+from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 from .case import MM, metres, scenario_changes
 from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
@@ -115,7 +114,7 @@ def check_config(config: EpisodeConfig) -> None:
     scenario_of(config)
     motion_settings_of(config)
     servo_settings_of(config)
-    if not is_plug(config.planner, PLANNERS):
+    if not is_plug(config.planner, PLANNER):
         map_settings_of(config, planner_of(config))
 
 
@@ -153,8 +152,8 @@ def planner_of(config: EpisodeConfig) -> Planner:
     Raises:
         PlannerError, PlugError: It cannot be made.
     """
-    if is_plug(config.planner, PLANNERS):
-        return _own(config.planner, PLANNERS, config.planning.planner_option)
+    if is_plug(config.planner, PLANNER):
+        return _own(config.planner, PLANNER, config.planning.planner_option)
     if config.planning.planner_option:
         raise FieldError(
             "planner_option",
@@ -192,7 +191,7 @@ def sensor_of(config: EpisodeConfig) -> Sensor:
 
     if config.sensor == CONE:
         return ConeSensor()
-    return _own(config.sensor, SENSORS, config.sensing.sensor_option)
+    return _own(config.sensor, SENSOR, config.sensing.sensor_option)
 
 
 def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
@@ -302,8 +301,8 @@ def check_base(base_mm: tuple[float, float, float], base_yaw_deg: float) -> None
 def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     """What makes the map, None where none is kept."""
     kept = config.mapping.map
-    if is_plug(kept, MAPS):
-        factory, options = load_plug(kept, MAPS), parse_plug_options(config.mapping.map_option)
+    if is_plug(kept, MAP):
+        factory, options = load_plug(kept, MAP), parse_plug_options(config.mapping.map_option)
         return lambda space: factory(space, **options)
     is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
     return make_hilbert_map if is_kept else None

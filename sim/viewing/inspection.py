@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy
-from sim.world.case_files import CaseFiles
 from sim.world.errors import WorldError
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_anatomy import box_of, count_pieces
+from sim.world.volumes.masks import box_of, count_pieces
 from sim.world.volumes.volume import Volume
 
 from .inspection_figure import draw_inspection

@@ -1,4 +1,8 @@
-"""The errors of the world: each names the file or value at fault and the remedy, in a sentence or two."""
+"""The errors of the world: each names the file or value at fault and the remedy, in a sentence or two.
+
+Where a text speaks of something that a user can set, it has the option's field name in backticks (`organ_label`). The
+world knows no flags: a program that has some puts them in the place of these names.
+"""
 
 
 class WorldError(ValueError):
@@ -30,4 +34,4 @@ class VolumeError(WorldError):
 
 
 class MissingPackageError(WorldError):
-    """An optional package that something asked for needs."""
+    """An optional package is needed and not installed."""

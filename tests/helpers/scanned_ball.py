@@ -4,8 +4,8 @@ import nibabel
 import numpy as np
 import pytest
 
+from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.loading import load_anatomy
-from sim.world.case_files import CaseFiles
 
 CENTRE_MM = np.array([-60.0, -20.0, 40.0])
 """Of the organ, LPS."""

@@ -13,20 +13,21 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import trimesh
 
-from sim.world.case_files import CaseFiles
 from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.meshes import load_mesh, load_surface, remarks_on_size
 from sim.world.solids.solid import Solid
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_anatomy import LabelledAnatomy, anatomy_of, box_of, tumour_pieces
 from sim.world.volumes.label_coding import CODINGS, Coding, coding_of
 from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
+from sim.world.volumes.masks import box_of, label_pieces
 from sim.world.volumes.volume import Volume, shifted
 
+from .case_files import CaseFiles
+from .label_anatomy import MOST_TUMOURS, LabelledAnatomy, anatomy_of
 from .structures import Structure
 
 if TYPE_CHECKING:
-    from sim.world.case_files import Body
+    from .case_files import Body
 
 BodyKind = Literal["tumour", "target"]
 """What is mapped in an organ: tumours, or the bodies of a second class."""
@@ -153,7 +154,7 @@ def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
     if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
         remarks.append(
             "its header says 1 x 1 x 1 mm, which is what a lost header says: pass the scan's own spacing as "
-            "--spacing-mm X Y Z"
+            "`spacing_mm` X Y Z"
         )
     return remarks
 
@@ -177,7 +178,7 @@ def _refuse_labels(files: CaseFiles) -> None:
     ):
         raise MeshError(
             f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "
-            "tumours as --tumour FILE, targets as --target FILE, structures as --structure FILE or --keepout FILE"
+            "tumours as `tumour` FILE, targets as `target` FILE, structures as `structure` FILE or `keepout` FILE"
         )
 
 
@@ -192,9 +193,9 @@ def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) 
     coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
     wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
     wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
-    pieces, sizes = tumour_pieces(volume.labels, wanted)
+    pieces, sizes = label_pieces(volume.labels, wanted)
     solids = []
-    for piece in np.argsort(-sizes[1:], kind="stable")[:50] + 1:
+    for piece in np.argsort(-sizes[1:], kind="stable")[:MOST_TUMOURS] + 1:
         diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
         box = box_of(pieces == piece)
         solids.append(
@@ -214,7 +215,7 @@ def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: b
     if len(volume.counts) > 1:
         raise VolumeError(
             f"{file}: holds {len(volume.counts)} labels, and a structure's file one; name labels of the organ's "
-            "own volume with --structure-label or --keepout-label"
+            "own volume with `structure_label` or `keepout_label`"
         )
     box = box_of(volume.labels > 0)
     solid = surface_of(volume.labels[box] > 0, shifted(volume.T_lps_voxel, box), STRUCTURE_SURFACE)

@@ -157,11 +157,7 @@ def plant_lobulated(
             "be at least 0"
         )
     surface = surface_distance_of(organ)
-
-    def is_deep(points_m: NDArray[np.float64]) -> bool:
-        return bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
-
-    planting = _Planting(is_deep, is_attainable, rng)
+    planting = _Planting(_deeper_than(least_depth_m, surface), is_attainable, rng)
     for diameter_m in sorted(_draw_diameters(n, diameter_range_m, rng), reverse=True):
         for _ in range(N_SIZES):
             if _place_lobulated(organ, surface, planting, diameter_m, least_depth_m):
@@ -200,11 +196,7 @@ def plant_load(
         The tumours.
     """
     surface = surface_distance_of(organ)
-
-    def is_deep(points_m: NDArray[np.float64]) -> bool:
-        return bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
-
-    planting = _Planting(is_deep, is_attainable, rng)
+    planting = _Planting(_deeper_than(least_depth_m, surface), is_attainable, rng)
     for wanted_m in sorted(diameters_m, reverse=True):
         diameter_m = wanted_m
         while diameter_m >= LEAST_LOAD_DIAMETER_M:
@@ -238,6 +230,10 @@ class _Planting:
                 return False
         self.planted.append(tumour)
         return True
+
+
+def _deeper_than(least_depth_m: float, surface: SurfaceDistance) -> IsDeep:
+    return lambda points_m: bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
 
 
 def _place_lobulated(

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.frames import quaternion_matrix
 from sim.world.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -185,15 +186,8 @@ def _constants(model: mujoco.MjModel, joints: NDArray[np.int64], tip: int) -> tu
     return np.array(rotations), np.array(shifts_m)
 
 
-def quaternion_matrix(quaternion: Array) -> Array:
-    """Rotation matrix of a wxyz quaternion, shape (3, 3)."""
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
-
-
 def _z_along(axis: Array) -> Array:
-    """A rotation that brings z to a unit axis, shape (3, 3)."""
+    """A rotation that brings z to a unit axis, shape (3, 3); its roll says nothing, as the next constant undoes it."""
     side = np.eye(3)[np.argmin(np.abs(axis))]
     x = np.cross(side, axis)
     x /= np.linalg.norm(x)
@@ -207,11 +201,3 @@ def cross(a: Array, b: Array) -> Array:
     product[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
     product[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product
-
-
-def frames_along(normals: Array) -> Array:
-    """Orientations whose z is each normal, of any roll, shape (N, 3, 3)."""
-    side = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    x = side - np.einsum("ij,ij->i", side, normals)[:, None] * normals
-    x = x / np.linalg.norm(x, axis=1, keepdims=True)
-    return np.stack([x, np.cross(normals, x), normals], axis=2).astype(np.float64)

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.frames import frames_along
 from sim.world.scene.clearance import Clearance, Collision
 from sim.world.scene.scene import Scene
 
@@ -166,10 +167,5 @@ def _target(
     position_m: NDArray[np.float64], normal: NDArray[np.float64], xmat: NDArray[np.float64]
 ) -> mink.SE3:
     """T_world_tip with its z along the normal and the roll that turns the present tip least."""
-    x_axis = xmat.reshape(3, 3)[:, 0]
-    x_axis = x_axis - (x_axis @ normal) * normal
-    if np.linalg.norm(x_axis) < 1e-6:
-        x_axis = np.linalg.svd(normal[None])[2][1]
-    x_axis = x_axis / np.linalg.norm(x_axis)
-    R = np.column_stack([x_axis, np.cross(normal, x_axis), normal])
+    R = frames_along(normal[None], xmat.reshape(1, 3, 3)[:, :, 0])[0]
     return mink.SE3.from_rotation_and_translation(mink.SO3.from_matrix(R), position_m)

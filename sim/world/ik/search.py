@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.frames import frames_along
 from sim.world.scene.clearance import PROBE_MARGIN_M, Clearance
 from sim.world.scene.clearance_meter import ClearanceMeter
 from sim.world.scene.scene import Scene
 
 from .attempts import n_distinct
-from .chain import Array, Chain, frames_along
+from .chain import Array, Chain
 from .damped_least_squares import pose_errors
 from .result import IkResult, IkStatus
 from .result_builder import ResultBuilder

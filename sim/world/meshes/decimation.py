@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sim.world.optional import optional_module
 
 from .repair import RepairError, repair
-from .topology import is_closed
+from .topology import is_closed, signed_volume_m3
 
 HASTE = (5.0, 3.0, 1.0)
 """How hastily edges are collapsed (0 to 10), in turn: slower is more even and tears less."""
@@ -36,7 +36,7 @@ def decimate(
         "fast_simplification", "fast-simplification", "labels", "simplifying a surface"
     )
     centre_m = vertices_m.mean(axis=0)
-    volume_m3 = _volume_m3(vertices_m, faces)
+    volume_m3 = signed_volume_m3(vertices_m, faces)
     for haste in HASTE:
         simple, triangles = fast_simplification.simplify(
             np.ascontiguousarray((vertices_m - centre_m) * 1e3, dtype=np.float32),
@@ -49,12 +49,7 @@ def decimate(
             found_m, found, _ = repair(found_m, np.asarray(triangles, dtype=np.int64))
         except RepairError:
             continue
-        change = abs(_volume_m3(found_m, found) / volume_m3 - 1.0)
+        change = abs(signed_volume_m3(found_m, found) / volume_m3 - 1.0)
         if is_closed(found) and change < VOLUME_TOLERANCE:
             return found_m, found
     return None
-
-
-def _volume_m3(vertices_m: NDArray[np.float64], faces: NDArray[np.int64]) -> float:
-    corners = (vertices_m - vertices_m.mean(axis=0))[faces]
-    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)

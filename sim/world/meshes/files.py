@@ -17,7 +17,7 @@ from trimesh.resolvers import FilePathResolver
 from sim.world.errors import MeshError
 from sim.world.memory import spare_bytes
 
-from .file_kinds import MeshFrame
+from .coordinates import MeshFrame
 from .repair import compact
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf")

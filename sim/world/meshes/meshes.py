@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 from sim.world.errors import MeshError, MissingPackageError
 from sim.world.solids.solid import Solid
 
+from .coordinates import METRES_PER_UNIT, MeshFrame, Unit
 from .decimation import decimate
-from .file_kinds import MeshFrame, Unit
 from .files import read_triangles
 from .repair import RepairError, repair
 
 Role = Literal["organ", "tumour", "target"]
-
-METRES_PER_UNIT = {"mm": 1e-3, "m": 1.0}
 
 LARGEST_EXTENT_M = 2.0
 """No organ has a longer bounding box [m]; millimetres taken for metres always do."""
@@ -151,7 +149,7 @@ def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role:
     extent_m = float(np.ptp(vertices_m, axis=0).max())
     if extent_m > LARGEST_EXTENT_M:
         remedy = (
-            "if the file is in millimetres, pass --unit mm" if unit == "m" else "check the file's coordinates"
+            "if the file is in millimetres, pass `unit` mm" if unit == "m" else "check the file's coordinates"
         )
         raise MeshError(
             f"{path}: its bounding box of {extent_m:.4g} m is above {LARGEST_EXTENT_M:g} m; {remedy}"
@@ -160,7 +158,7 @@ def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role:
         raise MeshError(f"{path}: all of its vertices are at one point; export the mesh again")
     smallest_m = SMALLEST_EXTENT_M[role]
     if extent_m < smallest_m:
-        remedy = "if the file is in metres, pass --unit m" if unit == "mm" else "check the file's coordinates"
+        remedy = "if the file is in metres, pass `unit` m" if unit == "mm" else "check the file's coordinates"
         raise MeshError(
             f"{path}: the bounding box of this {role} is {extent_m * 1e3:.3g} mm long, "
             f"below {smallest_m * 1e3:g} mm; {remedy}"

@@ -12,7 +12,6 @@ from scipy.spatial import KDTree
 
 from sim.world.solids.crossings import VerticalCrossings
 
-from .hole_filling import fill_holes
 from .topology import Faces, agree, bodies, border_edges, is_closed
 
 Vertices = NDArray[np.float64]
@@ -22,6 +21,9 @@ MERGE_SHARES = (0.0, 1e-6, 1e-5)
 
 KEY_FACTORS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
 """Odd numbers that scatter triples of indices over 64 bits."""
+
+LARGEST_HOLE_SHARE = 0.35
+"""Longest rim that is filled, as a share of the bounding box's diagonal: a longer fan invents anatomy."""
 
 STRAY_SHARE = 0.01
 """Open bodies with a smaller share of the area are debris and dropped."""
@@ -73,7 +75,7 @@ def _close(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, Faces, list[st
     """The surface with holes filled, debris dropped and triangles turned to agree."""
     notices: list[str] = []
     if len(border_edges(faces)):
-        vertices_m, faces, n_filled = fill_holes(vertices_m, faces, border_edges(faces))
+        vertices_m, faces, n_filled = _fill_holes(vertices_m, faces, border_edges(faces))
         if n_filled:
             holes = "small holes were" if n_filled > 1 else "small hole was"
             notices.append(f"the surface was open: {n_filled} {holes} filled")
@@ -98,6 +100,61 @@ def _close(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, Faces, list[st
     if is_turned.any():
         notices.append(f"{is_turned.sum()} triangles faced the wrong way and were turned")
     return vertices_m, faces, notices
+
+
+def _fill_holes(vertices_m: Vertices, faces: Faces, border: NDArray[np.int64]) -> tuple[Vertices, Faces, int]:
+    """The surface with each small hole closed by a fan about its rim's centre.
+
+    Args:
+        vertices_m: Vertices [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3).
+        border: Edges along holes, as the triangle beside the hole passes them, shape (E, 2).
+
+    Returns:
+        Vertices, faces, and the number of holes filled. Holes that are too long or tangled stay.
+    """
+    longest_m = LARGEST_HOLE_SHARE * float(np.linalg.norm(np.ptp(vertices_m, axis=0)))
+    new_vertices, new_faces, n_filled = [vertices_m], [faces], 0
+    n_vertices = len(vertices_m)
+    for rim in _rims(border):
+        ring_m = vertices_m[rim]
+        if np.linalg.norm(ring_m - np.roll(ring_m, -1, axis=0), axis=1).sum() > longest_m:
+            continue
+        n_filled += 1
+        ahead = np.roll(rim, -1)
+        if len(rim) == 3:
+            new_faces.append(rim[None, ::-1])
+            continue
+        new_vertices.append(ring_m.mean(axis=0, keepdims=True))
+        new_faces.append(np.stack([ahead, rim, np.full(len(rim), n_vertices)], axis=1))
+        n_vertices += 1
+    return np.concatenate(new_vertices), np.concatenate(new_faces), n_filled
+
+
+def _rims(border: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Closed walks along the border edges; those that pass a vertex more than once are left out.
+
+    Each walk starts the way its first triangle passes the edge, but follows edges either way, since triangles
+    around a hole need not agree yet.
+    """
+    neighbours: dict[int, list[int]] = {}
+    for tail, head in border.tolist():
+        neighbours.setdefault(tail, []).append(head)
+        neighbours.setdefault(head, []).append(tail)
+    rims, visited = [], set()
+    for tail, head in border.tolist():
+        if tail in visited:
+            continue
+        rim, previous, vertex = [tail], tail, head
+        while vertex != tail and vertex not in visited and len(neighbours[vertex]) == 2:
+            rim.append(vertex)
+            visited.add(vertex)
+            onward = neighbours[vertex][0] if neighbours[vertex][0] != previous else neighbours[vertex][1]
+            previous, vertex = vertex, onward
+        visited.add(tail)
+        if vertex == tail and len(rim) >= 3 and len(neighbours[tail]) == 2:
+            rims.append(np.array(rim, dtype=np.int64))
+    return rims
 
 
 def _merge_until_closed(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, Faces]:

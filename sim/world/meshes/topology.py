@@ -1,4 +1,7 @@
-"""How triangles are joined: edges, borders, bodies, and the way they face. Made for millions of them."""
+"""How triangles are joined: edges, borders, bodies, the way they face, and the volume they enclose.
+
+Made for millions of them.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +68,19 @@ def agree(faces: Faces) -> tuple[Faces, NDArray[np.bool_]] | None:
     n_kept = np.bincount(as_is, minlength=int(label.max()) + 1)
     turns = (n_kept[as_is] < n_kept[turned]) | ((n_kept[as_is] == n_kept[turned]) & (as_is > turned))
     return np.where(turns[:, None], faces[:, ::-1], faces), turns
+
+
+def signed_volume_m3(vertices_m: NDArray[np.float64], faces: NDArray[np.integer]) -> float:
+    """The volume that a closed surface encloses [m^3], negative where it is inside out.
+
+    By the divergence theorem it is one sixth of the sum of a . (b x c) over the triangles.
+
+    Args:
+        vertices_m: Vertices [m], shape (V, 3).
+        faces: Vertex indices, shape (F, 3).
+    """
+    corners = (vertices_m - vertices_m.mean(axis=0))[faces]
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
 
 
 def _edges(faces: Faces) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.ik.chain import Array, Chain, quaternion_matrix
+from sim.world.frames import quaternion_matrix
+from sim.world.ik.chain import Array, Chain
 from sim.world.scene.clearance import ARM_MARGIN_M, Clearance, Collision, axis_spheres
 from sim.world.scene.clearance_meter import ClearanceMeter, Clearances
 from sim.world.scene.scene import Scene

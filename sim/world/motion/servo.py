@@ -17,7 +17,7 @@ from sim.world.ik.chain import Array, Chain
 from sim.world.scene.scene import Scene
 
 from .contact_surface import ContactSurface
-from .servo_settings import ServoSettings
+from .settings import ServoSettings
 
 PANDA_KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 """Gains of the servos of MuJoCo Menagerie's Panda [N m / rad]; damping a tenth of them [N m s / rad]."""

@@ -1,4 +1,4 @@
-"""How fast the arm may move and how long a sensing action takes."""
+"""Settings of the motion: how fast the arm moves, how stiff servos and organ are, and how hard the probe may press."""
 
 from __future__ import annotations
 
@@ -9,6 +9,19 @@ import numpy as np
 
 MotionKind = Literal["none", "kinematic", "servo"]
 """How the probe gets from pose to pose: it jumps, follows a timed path exactly, or is moved by simulated servos."""
+
+LIVER_YOUNG_PA = 4100.0
+"""Young's modulus of healthy liver, mean of 530 people by transient elastography (4.1 kPa, standard deviation 0.89):
+Fung et al., Defining normal liver stiffness range in a normal healthy Chinese population, PLoS ONE 8(12), 2013."""
+FACE_M = 0.008
+"""Radius of the probe's face."""
+POISSON = 0.5
+"""Soft tissue hardly changes its volume."""
+
+
+def punch_stiffness_n_m(young_pa: float, radius_m: float = FACE_M, poisson: float = POISSON) -> float:
+    """Stiffness 2 E a / (1 - nu^2) of an elastic half-space under a flat round punch of radius a (Sneddon, 1965)."""
+    return 2.0 * young_pa * radius_m / (1.0 - poisson**2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,3 +47,32 @@ class MotionSettings:
                 raise ValueError(f"{name}={value}: must be a positive, finite number.")
         if not (np.isfinite(self.sensing_s) and self.sensing_s >= 0.0):
             raise ValueError(f"sensing_s={self.sensing_s}: must be 0 or a positive, finite number.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoSettings:
+    """The simulated arm and what it touches."""
+
+    stiffness_n_m: float = punch_stiffness_n_m(LIVER_YOUNG_PA)
+    """Spring of the organ's surface under the tip [N/m]: 87 for healthy liver."""
+    damping_n_s_m: float = 2.0
+    """Damper beside it. Ours, without a source: it calms the contact within some hundredths of a second."""
+    force_limit_n: float = 5.0
+    """Contact force at which the arm stops."""
+    press_m: float = 0.002
+    """How far below the surface the tip is sent: a probe that only touches presses nothing."""
+    settle_s: float = 0.4
+    """The arm holds still this long before the reading is taken."""
+
+    def __post_init__(self) -> None:
+        """Validate the ranges."""
+        for name in ("stiffness_n_m", "force_limit_n"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name}={value}: must be a positive, finite number.")
+        for name in ("damping_n_s_m", "settle_s"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name}={value}: must be 0 or a positive, finite number.")
+        if not 0.0 <= self.press_m <= 0.03:
+            raise ValueError(f"press_m={self.press_m}: from 0 to 0.03 m.")

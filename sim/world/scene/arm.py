@@ -55,7 +55,7 @@ class ArmModel:
         """
         if not self.path.is_file():
             raise ArmError(
-                f"{self.path}: no such arm file. Give --arm the path of an MJCF file, or `default`."
+                f"{self.path}: no such arm file. Give `arm` the path of an MJCF file, or `default`."
             )
         try:
             spec = mujoco.MjSpec.from_file(str(self.path))
@@ -83,7 +83,7 @@ class ArmModel:
                 return name
         raise ArmError(
             f"{self.path}: no site named {' or '.join(map(repr, wanted))} to carry the probe "
-            f"(sites: {', '.join(sites) or 'none'}). Name one with --flange, or add a <site> to the last link."
+            f"(sites: {', '.join(sites) or 'none'}). Name one with `flange`, or add a <site> to the last link."
         )
 
     def _check(self, model: mujoco.MjModel) -> None:
@@ -101,7 +101,7 @@ class ArmModel:
             name = model.joint(int(np.argmax(is_endless))).name or "a joint"
             raise ArmError(
                 f"{self.path}: {name} slides without limits, as a mobile base does. Sounding needs a fixed base: "
-                "give the joint a range, or remove it and place the arm with --base-mm."
+                "give the joint a range, or remove it and place the arm with `base_mm`."
             )
 
 

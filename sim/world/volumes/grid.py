@@ -13,6 +13,16 @@ from numpy.typing import NDArray
 from sim.world.errors import VolumeError
 from sim.world.memory import spare_bytes
 
+METRES_PER_UNIT = {
+    "mm": 1e-3,
+    "millimeter": 1e-3,
+    "millimeters": 1e-3,
+    "meter": 1.0,
+    "m": 1.0,
+    "micron": 1e-6,
+}
+"""Of the units that headers name."""
+
 BYTES_PER_VOXEL = 4
 """Labels are kept once in parts and once together, where all of a volume is labelled."""
 
@@ -96,7 +106,7 @@ def check_affine(path: Path, grid: Grid, spacing_m: tuple[float, float, float] |
     if not is_usable or not ((lengths >= low) & (lengths <= high)).all():
         raise VolumeError(
             f"{path}: the voxels are {' x '.join(f'{length * 1e3:.3g}' for length in lengths)} mm by the header, "
-            f"outside {low * 1e3:g}..{high * 1e3:g} mm; pass the scan's own as --spacing-mm X Y Z"
+            f"outside {low * 1e3:g}..{high * 1e3:g} mm; pass the scan's own as `spacing_mm` X Y Z"
         )
     if abs(np.linalg.det(T[:3, :3])) < FLAT_DETERMINANT * lengths.prod():
         raise VolumeError(f"{path}: the header's axes lie in one plane; export the volume again")

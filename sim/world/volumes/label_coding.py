@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
 
-from sim.world.case_files import LabelChoice
 from sim.world.errors import VolumeError
 
-from .volume import Volume
+if TYPE_CHECKING:  # so that a scenario, which needs the names of the codings alone, loads no arrays
+    from .volume import Volume
+
+CodingName = Literal["auto", "lits", "msd-liver", "3d-ircadb", "totalsegmentator"]
+"""What the numbers of a label volume mean: `auto` for what the labels tell, or one of `CODINGS`."""
 
 WORDS = {
     "organ": ("liver", "leber", "foie"),
@@ -55,6 +59,18 @@ CODINGS: dict[str, Coding] = {
 """LiTS (Bilic et al. 2023) and the Medical Segmentation Decathlon's Task03 (Antonelli et al. 2022) mark liver and
 tumour as 1 and 2; 3D-IRCADb-01 has a mask per structure, 255 inside; TotalSegmentator's task `total`, version 2
 (Wasserthal et al. 2023), numbers 117 structures and has no tumours."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelChoice:
+    """What a user says of the labels: the name of a coding, and numbers that take precedence over it."""
+
+    coding: str = "auto"
+    organ: tuple[int, ...] = ()
+    tumours: tuple[int, ...] = ()
+    targets: tuple[int, ...] = ()
+    structures: tuple[int, ...] = ()
+    keepouts: tuple[int, ...] = ()
 
 
 def coding_of(volume: Volume, choice: LabelChoice, path: object) -> tuple[Coding, list[str]]:
@@ -108,9 +124,10 @@ def _guess(volume: Volume, path: object) -> tuple[Coding, list[str]]:
     liver_m3 = volume.counts.get(5, 0) * volume.voxel_volume_m3
     if 10 < max(labels) <= MOST_TOTAL_LABEL and LIVER_RANGE_M3[0] <= liver_m3 <= LIVER_RANGE_M3[1]:
         return CODINGS["totalsegmentator"], ["the labels are taken for TotalSegmentator's: 5 is the liver"]
+    *others, last = CODINGS
     raise VolumeError(
-        f"{path}: which of its labels is the organ? It holds {describe_labels(volume)}. Pass --organ-label N, and "
-        f"--tumour-label M if there are tumours, or --coding {'|'.join(CODINGS)}"
+        f"{path}: which of its labels is the organ? It holds {describe_labels(volume)}. Pass `organ_label` N, "
+        f"and `tumour_label` M if there are tumours, or `coding` {', '.join(others)} or {last}"
     )
 
 
@@ -129,29 +146,39 @@ def _named(volume: Volume, labels: tuple[int, ...]) -> dict[str, int]:
 
 
 def _check_present(volume: Volume, coding: Coding, choice: LabelChoice, path: object) -> None:
+    """Nothing, if the organ's labels and all those that the user names are in the file.
+
+    Raises:
+        VolumeError: One is not.
+    """
     wanted = {
-        "--organ-label": coding.organ,
-        "--tumour-label": choice.tumours,
-        "--target-label": choice.targets,
+        "organ_label": coding.organ,
+        "tumour_label": choice.tumours,
+        "target_label": choice.targets,
+        "structure_label": choice.structures,
+        "keepout_label": choice.keepouts,
     }
-    wanted |= {"--structure-label": choice.structures, "--keepout-label": choice.keepouts}
-    for flag, labels in wanted.items():
+    for option, labels in wanted.items():
         if absent := [label for label in labels if label not in volume.counts]:
             raise VolumeError(
-                f"{path}: {flag} {' '.join(map(str, absent))} is not in the file, which holds "
+                f"{path}: `{option}` {' '.join(map(str, absent))} is not in the file, which holds "
                 f"{describe_labels(volume)}; pass the right label"
             )
 
 
 def _check_targets(coding: Coding, path: object) -> None:
-    """Nothing, if the labels of the second class are not those of the tumours or of the whole organ."""
+    """Nothing, if the labels of the second class are not those of the tumours or of the whole organ.
+
+    Raises:
+        VolumeError: They are.
+    """
     taken = {"tumours": coding.tumours}
     if set(coding.organ) <= set(coding.targets):
         taken["the whole organ"] = coding.organ
     for what, labels in taken.items():
         if shared := sorted(set(labels) & set(coding.targets)):
             raise VolumeError(
-                f"{path}: --target-label {' '.join(map(str, shared))} means {what} already; pass the label of another "
+                f"{path}: `target_label` {' '.join(map(str, shared))} means {what} already; pass the label of another "
                 "class"
             )
 

@@ -16,6 +16,7 @@ from scipy.ndimage import gaussian_filter, zoom
 from sim.world.errors import MeshError
 from sim.world.meshes.decimation import decimate
 from sim.world.meshes.repair import RepairError, repair
+from sim.world.meshes.topology import signed_volume_m3
 from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
 
@@ -84,7 +85,7 @@ def surface_of(mask: NDArray[np.bool_], T_lps_voxel: NDArray[np.float64], settin
         level = _level(descending, aim_cells)
         vertices, faces, _, _ = measure.marching_cubes(field, level)
         vertices_m = vertices.astype(np.float64) @ T_lps_grid[:3, :3].T + T_lps_grid[:3, 3]
-        drawn_m3 = abs(_signed_volume_m3(vertices_m, faces))
+        drawn_m3 = abs(signed_volume_m3(vertices_m, faces))
         error = drawn_m3 / volume_m3 - 1.0
         if best is None or abs(error) < best[0]:
             best = abs(error), vertices_m, faces
@@ -125,11 +126,6 @@ def _level(descending: NDArray[np.float32], n_cells: float) -> float:
     level = 0.5 * (float(descending[index - 1]) + float(descending[index]))
     top = float(descending[0])
     return float(np.clip(level, 1e-4 * top, (1.0 - 1e-4) * top))
-
-
-def _signed_volume_m3(vertices_m: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
-    corners = vertices_m[faces] - vertices_m.mean(axis=0)
-    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
 
 
 def _closed(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], n_triangles: int) -> Solid:

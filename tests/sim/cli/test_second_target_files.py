@@ -15,9 +15,10 @@ from two_classes import CYSTS_MM, write_labels, write_meshes
 from sim.cli.command_line import main
 from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import placed_organ
+from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.loading import load_anatomy
-from sim.world.case_files import CaseFiles, LabelChoice
 from sim.world.errors import VolumeError
+from sim.world.volumes.label_coding import LabelChoice
 
 LABELS = ("--organ-label", "1", "--tumour-label", "2")
 

@@ -18,8 +18,7 @@ from sim.world.motion.joint_limits import JointLimits
 from sim.world.motion.path_check import PathCheck
 from sim.world.motion.path_search import PathSearch
 from sim.world.motion.path_tree import connect_trees
-from sim.world.motion.servo_settings import ServoSettings
-from sim.world.motion.settings import MotionSettings
+from sim.world.motion.settings import MotionSettings, ServoSettings
 from sim.world.solids.surface_distance import SurfaceDistance
 
 

@@ -12,7 +12,7 @@ from sim.episode.arm_motion import make_motion_model
 from sim.episode.motion import Phase
 from sim.episode.positioner import ArmPositioner
 from sim.world.motion.joint_limits import OTHER_ACCELERATION, OTHER_SPEED
-from sim.world.motion.servo_settings import ServoSettings
+from sim.world.motion.settings import ServoSettings
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.scene import build_scene
 from sim.world.solids.surface_distance import SurfaceDistance

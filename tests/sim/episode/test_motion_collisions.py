@@ -16,7 +16,7 @@ from sim.episode.arm_motion import make_motion_model
 from sim.episode.motion import Phase
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import build_setup
-from sim.world.motion.servo_settings import ServoSettings
+from sim.world.motion.settings import ServoSettings
 from sim.world.scene.arm import ArmModel
 from sim.world.solids.surface_distance import SurfaceDistance
 

@@ -12,7 +12,7 @@ from sim.episode.episode import Episode
 from sim.episode.motion import Phase, ProcedureStoppedError
 from sim.world.motion.contact_surface import ContactSurface
 from sim.world.motion.servo import ServoArm
-from sim.world.motion.servo_settings import LIVER_YOUNG_PA, ServoSettings, punch_stiffness_n_m
+from sim.world.motion.settings import LIVER_YOUNG_PA, ServoSettings, punch_stiffness_n_m
 from sim.world.solids.surface_distance import SurfaceDistance
 
 PRESSED = (7_000, 14_278)

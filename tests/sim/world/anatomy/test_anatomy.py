@@ -3,9 +3,9 @@ import pytest
 import trimesh
 
 from sim.world.anatomy.anatomy import build_anatomy
+from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.loading import load_anatomy
 from sim.world.anatomy.placement import lay_on_table
-from sim.world.case_files import CaseFiles
 from sim.world.errors import AnatomyError, MeshError
 from sim.world.solids.solid import Solid
 
@@ -106,7 +106,7 @@ def test_files_are_laid_on_the_table_with_their_tumours(files):
 def test_a_tumour_file_in_another_unit_is_refused_with_the_remedy(files, tmp_path):
     small = trimesh.creation.icosphere(radius=0.008)
     small.export(tmp_path / "metres.stl")
-    with pytest.raises(MeshError, match=r"metres\.stl: .* tumour is 0\.016 mm long.*--unit m"):
+    with pytest.raises(MeshError, match=r"metres\.stl: .* tumour is 0\.016 mm long.*`unit` m"):
         load_anatomy(CaseFiles(organ=str(files[0]), tumours=(str(tmp_path / "metres.stl"),)))
 
 

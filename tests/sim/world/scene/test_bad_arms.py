@@ -10,6 +10,7 @@ import pytest
 from sim.cli.command_line import main
 from sim.world.ik.search import IkSearch
 from sim.world.scene.arm import MODELS_DIR, ArmError, ArmModel
+from sim.world.scene.base_room import check_base_room
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import build_scene
@@ -82,6 +83,12 @@ def test_a_first_link_that_touches_its_base_is_no_collision(tmp_path, ball_anato
     path = tmp_path / "touching.xml"
     path.write_text(TOUCHING)
     assert build_scene(ball_anatomy, cone, arm=ArmModel(path=path)).new_data().ncon == 0
+
+
+def test_a_base_in_the_table_is_told_how_deep_and_what_to_change(ball_anatomy, cone, ball_distance) -> None:
+    sunk = build_scene(ball_anatomy, cone, arm=ArmModel(base_m=(0.0, 0.0, -0.05)))
+    with pytest.raises(ArmError, match="in the table, 50 mm below its top. Move it with `base_mm`"):
+        check_base_room(sunk, ball_distance)
 
 
 @pytest.mark.parametrize(

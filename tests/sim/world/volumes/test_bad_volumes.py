@@ -15,9 +15,9 @@ from scanned_ball import (
     save_nifti,
 )
 
-from sim.world.case_files import LabelChoice
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
+from sim.world.volumes.label_coding import LabelChoice
 
 
 def noise(shape=(30, 30, 30), low=-1000, high=1500):
@@ -39,7 +39,7 @@ BAD_ARRAYS = {
     "many labels": (
         np.arange(1, 28).reshape(3, 3, 3).astype(np.int16),
         {},
-        "which of its labels is the organ",
+        "which of its labels is the organ.* `coding` lits, msd-liver, 3d-ircadb or totalsegmentator",
     ),
     "confetti": (
         (np.random.default_rng(1).uniform(size=(60, 60, 60)) < 0.08).astype(np.uint8),
@@ -49,9 +49,9 @@ BAD_ARRAYS = {
     "no such label": (
         np.ones((20, 20, 20), np.uint8),
         {"organ": (3,)},
-        r"--organ-label 3 is not in the file",
+        r"`organ_label` 3 is not in the file",
     ),
-    "no such tumour": (np.ones((20, 20, 20), np.uint8), {"tumours": (8,)}, r"--tumour-label 8 is not in"),
+    "no such tumour": (np.ones((20, 20, 20), np.uint8), {"tumours": (8,)}, r"`tumour_label` 8 is not in"),
     "wrong coding": (np.ones((20, 20, 20), np.uint8), {"coding": "totalsegmentator"}, "5 is not in the file"),
 }
 
@@ -90,7 +90,7 @@ def test_a_header_of_impossible_axes_is_refused_or_overruled(tmp_path):
     with pytest.raises(WorldError, match="axes lie in one plane"):
         load(save_nifti(tmp_path / "flat.nii.gz", labels, flat))
     path = save_nifti(tmp_path / "huge.nii.gz", labels, np.diag([200.0, 200.0, 200.0, 1.0]))
-    with pytest.raises(WorldError, match="pass the scan's own as --spacing-mm"):
+    with pytest.raises(WorldError, match="pass the scan's own as `spacing_mm`"):
         load(path)
     loaded = load(path, spacing_m=(2.5e-3,) * 3)
     assert loaded.organ.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.055**3, rel=0.02)

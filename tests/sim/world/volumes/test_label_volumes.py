@@ -1,5 +1,7 @@
 """Label volumes: what a segmentation holds comes out in the right place and size."""
 
+from typing import get_args
+
 import nrrd
 import numpy as np
 import pytest
@@ -9,9 +11,9 @@ from hypothesis import strategies as st
 from scanned_ball import CENTRE_MM, assert_is_the_ball, ball_labels, default_file, grid, load, save_nifti
 from scipy.spatial.transform import Rotation
 
-from sim.world.case_files import LabelChoice
 from sim.world.errors import WorldError
 from sim.world.volumes.files import load_volume
+from sim.world.volumes.label_coding import CODINGS, CodingName, LabelChoice
 
 
 @pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (-1, -1, -1), (1, -1, 1)])
@@ -122,6 +124,10 @@ def test_a_mask_of_one_value_is_the_organ_and_a_coding_by_name_is_obeyed(tmp_pat
     assert not loaded.structures[0].is_keepout
 
 
+def test_every_coding_has_a_name_that_can_be_given():
+    assert get_args(CodingName) == ("auto", *CODINGS)
+
+
 def test_labels_by_number_take_precedence_and_keepouts_are_marked(tmp_path):
     T, shape = grid()
     labels = np.choose(ball_labels(T, shape), [0, 40, 41]).astype(np.uint8)
@@ -170,7 +176,7 @@ def test_a_lost_spacing_is_noticed_and_can_be_given(tmp_path):
     T, shape = grid((2.5, 2.5, 2.5))
     path = save_nifti(tmp_path / "seg.nii.gz", ball_labels(T, shape), np.eye(4))
     loaded = load(path)
-    assert any("pass the scan's own spacing as --spacing-mm" in notice for notice in loaded.notices)
+    assert any("pass the scan's own spacing as `spacing_mm`" in notice for notice in loaded.notices)
     spaced = load(path, spacing_m=(2.5e-3,) * 3)
     assert spaced.organ.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.055**3, rel=0.02)
 

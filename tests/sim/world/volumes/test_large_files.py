@@ -20,8 +20,8 @@ from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.meshes import load_mesh
 from sim.world.volumes.files import load_volume
 from sim.world.volumes.gathered_labels import GatheredLabels
-from sim.world.volumes.label_anatomy import filled
 from sim.world.volumes.label_values import SLAB_VOXELS
+from sim.world.volumes.masks import filled
 
 SHAPE = (256, 256, 200)
 BALL = (slice(40, 90), slice(100, 130), slice(55, 145))

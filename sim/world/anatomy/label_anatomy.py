@@ -6,15 +6,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, generate_binary_structure, label
+from scipy.ndimage import find_objects
 
-from sim.world.anatomy.structures import Structure
 from sim.world.errors import MeshError, VolumeError
 from sim.world.solids.solid import Solid
+from sim.world.volumes.label_coding import Coding, describe_labels
+from sim.world.volumes.label_surface import (
+    ORGAN_SURFACE,
+    STRUCTURE_SURFACE,
+    SurfaceSettings,
+    surface_of,
+    tumour_surface,
+)
+from sim.world.volumes.masks import box_of, count_pieces, filled, label_pieces
+from sim.world.volumes.volume import Volume, shifted
 
-from .label_coding import Coding, describe_labels
-from .label_surface import ORGAN_SURFACE, STRUCTURE_SURFACE, SurfaceSettings, surface_of, tumour_surface
-from .volume import Volume, shifted
+from .structures import Structure
 
 LEAST_ORGAN_SHARE = 0.5
 """Share of an organ's voxels that its largest piece must hold: scattered ones are no outline."""
@@ -72,7 +79,7 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
     wanted = np.zeros(max(volume.counts) + 1, dtype=bool)
     parts = (*coding.organ, *coding.tumours, *coding.targets)
     wanted[[each for each in parts if each < len(wanted)]] = True
-    box = _box_of(wanted, volume.labels)
+    box = box_of(wanted[volume.labels])
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
     mask = _largest_pieces(wanted[labels], volume, path, notices)
     if _touches_end(mask, box, volume):
@@ -84,50 +91,6 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
     return LabelledAnatomy(
         organ=organ, tumours=tumours, targets=targets, structures=structures, notices=notices
     )
-
-
-def tumour_pieces(
-    labels: NDArray[np.uint16], tumour_labels: tuple[int, ...]
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Number of the connected piece of one tumour label that each voxel belongs to, and the size of each.
-
-    Voxels that touch by a corner are connected.
-
-    Returns:
-        Piece of each voxel, 0 for none, and numbers of voxels, that of piece 1 at index 1.
-    """
-    pieces, n = np.zeros(labels.shape, dtype=np.int32), 0
-    for each in tumour_labels:
-        found = np.empty(labels.shape, dtype=np.int32)
-        n_found = count_pieces(labels == each, found, is_by_corner=True)
-        pieces[found > 0] = found[found > 0] + n
-        n += n_found
-    return pieces, np.bincount(pieces.ravel(), minlength=n + 1)
-
-
-def count_pieces(mask: NDArray[np.bool_], pieces: NDArray[np.int32], *, is_by_corner: bool = False) -> int:
-    """Number of connected pieces of a mask; writes each voxel's piece, 0 for none, to `pieces`."""
-    label(mask, structure=generate_binary_structure(3, 3 if is_by_corner else 1), output=pieces)
-    return int(pieces.max(initial=0))
-
-
-def box_of(mask: NDArray[np.bool_]) -> tuple[slice, ...]:
-    """The part of a grid that holds all of a mask, which holds at least one voxel."""
-    ends = [np.flatnonzero(mask.any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
-    return tuple(slice(int(end[0]), int(end[-1]) + 1) for end in ends)
-
-
-def filled(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The mask with its cavities: all that is not connected with the outside."""
-    outside = np.empty(np.array(mask.shape) + 2, dtype=np.int32)
-    count_pieces(~np.pad(mask, 1), outside)
-    return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
-
-
-def _box_of(wanted: NDArray[np.bool_], labels: NDArray[np.uint16]) -> tuple[slice, slice, slice]:
-    """The part of a volume that holds all voxels of the wanted labels."""
-    i, j, k = box_of(wanted[labels])
-    return i, j, k
 
 
 def _largest_pieces(
@@ -148,7 +111,7 @@ def _largest_pieces(
     if sizes.max() < LEAST_ORGAN_SHARE * n_voxels:
         raise VolumeError(
             f"{path}: the organ's label is scattered over {n:,} pieces, of which the largest holds "
-            f"{sizes.max() / n_voxels:.0%}; it holds {describe_labels(volume)}. Pass the right --organ-label, or "
+            f"{sizes.max() / n_voxels:.0%}; it holds {describe_labels(volume)}. Pass the right `organ_label`, or "
             "clean the outline"
         )
     keeps = sizes >= LEAST_ISLAND_SHARE * n_voxels
@@ -190,7 +153,7 @@ def _tumours(
         return ()
     part = box_of(is_wanted)
     labels, T, organ = labels[part], shifted(T, part), organ[part]
-    pieces, sizes = tumour_pieces(labels, wanted)
+    pieces, sizes = label_pieces(labels, wanted)
     voxel_m3 = abs(float(np.linalg.det(T[:3, :3])))
     inside = np.bincount(pieces[organ].ravel(), minlength=len(sizes))
     sizes[0] = inside[0] = 0

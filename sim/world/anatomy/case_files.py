@@ -9,27 +9,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from .meshes.file_kinds import MeshFrame, Unit
+from sim.world.meshes.coordinates import MeshFrame, Unit
+from sim.world.volumes.label_coding import LabelChoice
 
 if TYPE_CHECKING:
     import trimesh
 
-    from .solids.solid import Solid
+    from sim.world.solids.solid import Solid
 
     Body = str | Solid | trimesh.Trimesh
     """A file's path, or a closed surface in memory [m]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelChoice:
-    """What a user says of the labels of a volume: the name of a coding, and numbers that take precedence over it."""
-
-    coding: str = "auto"
-    organ: tuple[int, ...] = ()
-    tumours: tuple[int, ...] = ()
-    targets: tuple[int, ...] = ()
-    structures: tuple[int, ...] = ()
-    keepouts: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,152 @@
+"""NRRD files, the header by pynrrd: the voxels are unpacked to the size that the header names and not a byte more."""
+
+from __future__ import annotations
+
+import bz2
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import nrrd
+import numpy as np
+from nrrd.reader import _determine_datatype
+from numpy.typing import NDArray
+
+from .grid import METRES_PER_UNIT, Grid
+
+CHUNK_BYTES = 1 << 20
+"""Packed bytes that are read at once."""
+
+
+def read_nrrd(path: Path) -> Grid:
+    """The grid of a .nrrd or .nhdr file. No voxel is read before the grid's layers are taken.
+
+    Raises:
+        ValueError: The header lacks a field, or contradicts itself. pynrrd raises errors of its own on others.
+    """
+    with path.open("rb") as file:
+        header = nrrd.read_header(file)
+        start = file.tell()
+    missing = [key for key in ("dimension", "type", "encoding", "sizes") if key not in header]
+    if missing:
+        raise ValueError(f"the header lacks {', '.join(missing)}")
+    dtype = np.dtype(_determine_datatype(header))
+    shape = tuple(int(n) for n in header["sizes"])
+    if len(shape) != int(header["dimension"]):
+        raise ValueError(f"{len(shape)} sizes are given for {header['dimension']} dimensions")
+    T, notices = _affine(header, len(shape))
+    n_bytes = int(np.prod([max(n, 0) for n in shape], dtype=object)) * dtype.itemsize
+    return Grid(
+        shape=shape,
+        dtype=dtype,
+        T_lps_voxel=T,
+        layers=lambda n: _parts(np.frombuffer(_payload(path, header, start, n_bytes), dtype), shape, n),
+        notices=notices,
+        label_names=_segment_names(header),
+        is_compressed=str(header["encoding"]).lower() not in ("raw",),
+    )
+
+
+def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], list[str]]:
+    """Voxel indices to LPS metres, for the first three axes that lie in space."""
+    notices: list[str] = []
+    space = str(header.get("space", "")).lower().replace(" ", "-")
+    known = {"left-posterior-superior": (1, 1, 1), "lps": (1, 1, 1), "right-anterior-superior": (-1, -1, 1)}
+    known |= {"ras": (-1, -1, 1), "left-anterior-superior": (1, -1, 1), "las": (1, -1, 1)}
+    if space not in known:
+        notices.append(
+            "the header names no patient axes that are known; LPS is assumed: check left and right"
+        )
+    flip = np.diag(np.array(known.get(space, (1, 1, 1)), dtype=np.float64))
+    unit = METRES_PER_UNIT.get(str((header.get("space units") or ["mm"])[0]), 1e-3)
+    T = np.eye(4)
+    if header.get("space directions") is not None:
+        rows = [row for row in header["space directions"] if row is not None and np.isfinite(row).all()]
+        directions = np.array(rows, dtype=np.float64)
+        if directions.shape != (3, 3):
+            raise ValueError(f"{len(rows)} directions in space are given; three are needed")
+        T[:3, :3] = flip @ directions.T * unit
+    else:
+        spacings = np.asarray(header.get("spacings", np.ones(n_axes)), dtype=np.float64)[:3]
+        T[:3, :3] = flip @ np.diag(spacings) * unit
+        if "spacings" not in header:
+            notices.append(
+                "the header gives no spacing; 1 mm is assumed: pass `spacing_mm` X Y Z if it is not"
+            )
+    origin = np.asarray(header.get("space origin", np.zeros(3)), dtype=np.float64)
+    T[:3, 3] = flip @ origin * unit
+    return T, notices
+
+
+def _segment_names(header: dict[str, Any]) -> dict[int, str]:
+    """Names that 3D Slicer gives the labels in a .seg.nrrd."""
+    names = {}
+    for index in range(1000):
+        name, value = header.get(f"Segment{index}_Name"), header.get(f"Segment{index}_LabelValue")
+        if name is None:
+            break
+        if value is not None and str(value).isdecimal():
+            names[int(value)] = str(name)
+    return names
+
+
+def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:
+    """Parts of voxels that are in memory."""
+    whole = values.reshape(tuple(size for axis, size in enumerate(shape) if axis < 3 or size != 1), order="F")
+    for first in range(0, whole.shape[2], n):
+        yield whole[:, :, first : first + n]
+
+
+def _payload(path: Path, header: dict[str, Any], start: int, n_bytes: int) -> bytearray:
+    """The voxels of an NRRD file.
+
+    Args:
+        path: The file with the header.
+        header: Its fields.
+        start: Where the header ends, and attached voxels begin.
+        n_bytes: How many bytes the voxels take unpacked.
+
+    Raises:
+        ValueError: The voxels are spread over several files, lie elsewhere, or are packed in a way that is not read.
+        EOFError: The file ends early.
+    """
+    skips = [int(header.get(key, header.get(key.replace(" ", ""), 0))) for key in ("line skip", "byte skip")]
+    if skips != [0, 0]:
+        raise ValueError("its voxels are preceded by lines or bytes to skip; save it with an attached header")
+    detached = header.get("data file", header.get("datafile"))
+    if detached is not None:
+        name = Path(str(detached))
+        if name.is_absolute() or len(name.parts) != 1 or "%" in name.name or name.name == "LIST":
+            raise ValueError(
+                f"its voxels are in {str(detached)[:60]!r}; keep header and one data file together"
+            )
+        path, start = path.parent / name, 0
+    encoding = str(header["encoding"]).lower()
+    with path.open("rb") as file:
+        file.seek(start)
+        if encoding == "raw":
+            return _exactly(bytearray(file.read(n_bytes)), n_bytes)
+        if encoding in ("gzip", "gz"):
+            return _unpack(file, zlib.decompressobj(zlib.MAX_WBITS | 16), n_bytes)
+        if encoding in ("bzip2", "bz2"):
+            return _unpack(file, bz2.BZ2Decompressor(), n_bytes)
+    raise ValueError(f"encoding {encoding[:20]!r} is not read; save it as raw or gzip")
+
+
+def _unpack(file: BinaryIO, packed: Any, n_bytes: int) -> bytearray:
+    """What a stream unpacks to, at most `n_bytes`."""
+    content, rest = bytearray(), b""
+    while len(content) < n_bytes and not packed.eof:
+        chunk = rest or (file.read(CHUNK_BYTES) if getattr(packed, "needs_input", True) else b"")
+        if not chunk and getattr(packed, "needs_input", True):
+            break
+        content += packed.decompress(chunk, min(CHUNK_BYTES * 16, n_bytes - len(content)))
+        rest = getattr(packed, "unconsumed_tail", b"")
+    return _exactly(content, n_bytes)
+
+
+def _exactly(content: bytearray, n_bytes: int) -> bytearray:
+    if len(content) < n_bytes:
+        raise EOFError(f"{len(content):,} of {n_bytes:,} bytes of voxels are there")
+    return content

@@ -1,7 +1,7 @@
 """The belief over where tumours are: a sequential Bayesian Hilbert map, and the metrics of a map."""
 
-from .belief.base import UpdateReport
-from .detailed_map import DetailedMap, InsetSettings
+from .belief.belief import UpdateReport
+from .detailed_map import DetailedMap
 from .hilbert_map import HilbertMap
 from .labelled_points import LabelledPoints
 from .lattice import Lattice
@@ -16,8 +16,8 @@ from .metrics import (
     precision_recall_curve,
 )
 from .prediction import Prediction
-from .settings import MapSettings
-from .tumour_map import MapSpace, TumourMap, TumourMapFactory, make_hilbert_map
+from .settings import InsetSettings, MapSettings
+from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
 __all__ = [
     "DetailedMap",
@@ -37,6 +37,7 @@ __all__ = [
     "dice",
     "evaluate_map",
     "expected_calibration_error",
+    "load_map",
     "log_loss",
     "make_hilbert_map",
     "precision_recall_curve",

@@ -2,7 +2,8 @@
 
     P(y = 1 | x, w) = sigma(f(x)),   f(x) = b(x) + phi(x) . w,   w ~ N(mu, Sigma)
 
-The offset b(x) makes the prior expect `prior_prevalence` at every point; with the paper's 1/2 it is zero.
+The paper's likelihood is sigma(w Psi^T(x)), without the offset b(x). Here b(x) makes the prior expect
+`prior_prevalence` at every point; with a prevalence of 1/2, which is what the paper's prior says, b is zero.
 """
 
 from __future__ import annotations
@@ -12,32 +13,20 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .belief.base import Belief, UpdateReport
+from .belief.belief import Belief, UpdateReport
 from .belief.diagonal import DiagonalBelief
 from .belief.full import FullBelief
 from .kernel import HingeFeatures
-from .lattice import Lattice, check_points
+from .lattice import Lattice, MaskedLattice, check_points
 from .likelihood import label_log_odds, prior_offset
 from .prediction import Prediction
 from .settings import MapSettings
-from .storage import read_arrays, write_arrays
+from .storage import HILBERT_MAP, naming_the_file, read_arrays, write_arrays
 from .threads import one_blas_thread
-
-
-class QueryBox(NamedTuple):
-    """Part of a query lattice."""
-
-    lattice: Lattice
-    """Its points."""
-    mask: NDArray[np.bool_]
-    """Which of them are asked for, shape (lattice.n_points,)."""
-    indices: NDArray[np.intp]
-    """Where the answers for those stand among the whole lattice's."""
 
 
 class HilbertMap:
@@ -57,23 +46,25 @@ class HilbertMap:
         Args:
             hinges: Centres of the features, one weight each.
             settings: What the map assumes; the defaults if None.
-            query: Lattice on which `predict_lattice` answers; what it costs does not grow with the readings.
-            query_mask: Which points of `query` are asked for, shape (query.n_points,); all if None.
+            query: Lattice on which `predict_lattice` answers; what that costs does not grow with the readings.
+            query_mask: Which points of `query` it answers for, shape (query.n_points,); all if None.
             hinge_mask: Which hinges are kept, shape (hinges.n_points,); all if None. Keep every hinge
-                within four spacings of the organ, since the prior takes the others for present.
+                within four spacings of the organ, since the prior counts on the others being there.
 
         Raises:
             ValueError: If a mask does not fit its lattice, keeps nothing, or masks a query that is not there.
         """
         _check_hinges(hinges)
+        if query is None and query_mask is not None:
+            raise ValueError("query_mask needs the query lattice that it masks; pass query=Lattice(...) too")
         self.hinges = hinges
         self.settings = settings if settings is not None else MapSettings()
-        self.query = query
-        self._query_mask = _check_query_mask(query, query_mask)
+        mask = None if query_mask is None else np.asarray(query_mask, dtype=bool)
+        self._query = None if query is None else MaskedLattice(query, mask)
         hinge_mask = None if hinge_mask is None else np.asarray(hinge_mask, dtype=bool)
         self._features = HingeFeatures.build(hinges, self.settings.gamma_per_m2, hinge_mask)
-        self._lattice_offset = None if query is None else self._offset_on_lattice(query)
-        self._belief = _make_belief(self._features, self.settings, query, self._query_mask)
+        self._lattice_offset = np.zeros(0) if query is None else self._offset_on_lattice(query)
+        self._belief = _make_belief(self._features, self.settings, self._query)
 
     @property
     def n_weights(self) -> int:
@@ -85,9 +76,20 @@ class HilbertMap:
         """The belief over the weights."""
         return self._belief
 
+    @property
+    def query(self) -> MaskedLattice:
+        """The lattice, with its mask, whose points `predict_lattice` answers for.
+
+        Raises:
+            ValueError: If the map was made without a query lattice.
+        """
+        if self._query is None:
+            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
+        return self._query
+
     @one_blas_thread()
     def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> UpdateReport:
-        """Takes in a reading: learns from labelled points.
+        """Takes in a reading: learns from labelled points (the paper's learn_parameters).
 
         Args:
             points_m: Sensed points [m], shape (n, 3); n may be 0.
@@ -116,8 +118,8 @@ class HilbertMap:
         """Fits every reading again in the light of all the others.
 
         A reading is taken in with the xi of its moment, so what is learnt depends on the order of the
-        readings. Sweeps move the map to the posterior of all readings at once, in which the order has no
-        part.
+        readings. Sweeps move the map to the posterior of all readings at once, on which the order has no
+        influence.
 
         Args:
             n_sweeps: How often all readings are gone through; each costs as much as an update per reading.
@@ -132,7 +134,7 @@ class HilbertMap:
 
     @one_blas_thread()
     def predict(self, points_m: ArrayLike) -> Prediction:
-        """Returns the belief at any points [m], shape (N, 3)."""
+        """The belief at any points [m], shape (N, 3)."""
         points = check_points(points_m)
         if len(points) == 0:
             return Prediction(np.zeros(0), np.zeros(0))
@@ -141,25 +143,24 @@ class HilbertMap:
 
     @one_blas_thread()
     def predict_lattice(self) -> Prediction:
-        """Returns the belief at the points of the query lattice that its mask keeps, in C order.
+        """The belief at the points of the query lattice that its mask keeps, in C order.
 
         Raises:
             ValueError: If the map was made without a query lattice.
         """
-        if self.query is None or self._lattice_offset is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        mean, variance = self._belief.lattice_moments(self.query)
-        mean = self._lattice_offset + mean
-        if self._query_mask is None:
-            return Prediction(mean, variance)
-        return Prediction(mean[self._query_mask], variance[self._query_mask])
+        query = self.query
+        mean, variance = self._belief.lattice_moments(query.lattice)
+        return Prediction(query.kept(self._lattice_offset + mean), query.kept(variance))
 
     def carry_samples(self, n_samples: int, *, rng: np.random.Generator) -> None:
-        """Draws whole maps from the belief and keeps them up with every later reading.
+        """Draws whole maps from the belief and moves them with every later reading.
 
         Args:
-            n_samples: How many.
+            n_samples: Number of draws, S.
             rng: Source of the draws, now and at every later reading.
+
+        Raises:
+            ValueError: If n_samples is below 1, or the form is local and has taken in a reading.
         """
         if n_samples < 1:
             raise ValueError(f"n_samples must be at least 1, not {n_samples}")
@@ -167,95 +168,76 @@ class HilbertMap:
 
     @one_blas_thread()
     def sample_lattice(self) -> NDArray[np.float64]:
-        """Returns the carried draws of the latent at the points that `predict_lattice` answers for, shape
-        (S, N).
+        """The carried draws of the latent at the points that `predict_lattice` answers for, shape (S, N).
 
         A draw is a whole map: sigma(f) is its probability of occupancy at each point, f > 0 its outline.
 
         Raises:
             ValueError: If no samples are carried, or the map was made without a query lattice.
         """
-        if self.query is None or self._lattice_offset is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        draws = (self._lattice_offset[:, None] + self._belief.lattice_samples(self.query)).T
-        return draws if self._query_mask is None else draws[:, self._query_mask]
+        query = self.query
+        draws = self._lattice_offset[:, None] + self._belief.lattice_samples(query.lattice)
+        return query.kept(draws.T)
+
+    def query_points_m(self) -> NDArray[np.float64]:
+        """The points [m] that `predict_lattice` answers for, shape (N, 3).
+
+        Raises:
+            ValueError: If the map was made without a query lattice.
+        """
+        return self.query.points_m()
 
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the map to one npz file, whole or not at all; carried samples are not kept."""
-        lattices: dict[str, NDArray] = {
-            f"hinges_{name}_m": axis for name, axis in zip("xyz", self.hinges.axes_m, strict=True)
-        }
-        if self.query is not None:
-            lattices |= {f"query_{name}_m": axis for name, axis in zip("xyz", self.query.axes_m, strict=True)}
-        if self._query_mask is not None:
-            lattices["query_mask"] = self._query_mask
-        write_arrays(
-            Path(path),
-            {
-                "settings": np.array(json.dumps(asdict(self.settings))),
-                "hinge_mask": self._features.weight_of_hinge >= 0,
-                **lattices,
-                **self._belief.state(),
-            },
-        )
+        write_arrays(Path(path), HILBERT_MAP, self.state())
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> HilbertMap:
-        """Returns a map that `save` wrote.
+        """The map that `save` wrote; given further readings it goes on as if it had never been saved.
 
         Raises:
             FileNotFoundError: If there is no such file.
             ValueError: If the file is damaged, foreign or of another version; the text names file and reason.
         """
-        arrays = read_arrays(Path(path))
-        try:
-            settings = MapSettings(**json.loads(str(arrays["settings"])))
-            query = _read_lattice(arrays, "query") if "query_x_m" in arrays else None
-            loaded = cls(
-                _read_lattice(arrays, "hinges"),
-                settings,
-                query=query,
-                query_mask=arrays.get("query_mask"),
-                hinge_mask=arrays["hinge_mask"],
-            )
-            loaded._belief.restore(arrays)
-        except KeyError as error:
-            raise ValueError(f"{path} is no whole map: its array {error} is missing") from error
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{path} is no whole map: {error}") from error
-        return loaded
+        _, arrays = read_arrays(Path(path), HILBERT_MAP)
+        with naming_the_file(Path(path)):
+            return cls.from_state(arrays)
 
-    def query_points_m(self) -> NDArray[np.float64]:
-        """Returns the points [m] that `predict_lattice` answers for, shape (N, 3)."""
-        if self.query is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        points = self.query.points_m()
-        return points if self._query_mask is None else points[self._query_mask]
+    def state(self) -> dict[str, NDArray]:
+        """The arrays that make up the map, as a file holds them; carried samples are not among them."""
+        lattices = _lattice_state("hinges", self.hinges)
+        if self._query is not None:
+            lattices |= _lattice_state("query", self._query.lattice)
+            if self._query.mask is not None:
+                lattices["query_mask"] = self._query.mask
+        return {
+            "settings": np.array(json.dumps(asdict(self.settings))),
+            "hinge_mask": self._features.weight_of_hinge >= 0,
+            **lattices,
+            **self._belief.state(),
+        }
 
-    def query_box(self, low_m: ArrayLike, high_m: ArrayLike) -> QueryBox | None:
-        """Returns the part of the query lattice in a box, None where it holds no point that is asked for.
-
-        Args:
-            low_m: Lowest corner [m], shape (3,).
-            high_m: Highest corner [m], shape (3,).
+    @classmethod
+    def from_state(cls, state: Mapping[str, NDArray]) -> HilbertMap:
+        """The map whose arrays `state` gave.
 
         Raises:
-            ValueError: If the map was made without a query lattice.
+            KeyError: If an array is missing.
+            ValueError: If arrays do not fit together or a value is out of its range.
+            TypeError: If the settings are not those of a map.
         """
-        if self.query is None:
-            raise ValueError("this map has no query lattice; pass query=Lattice(...) when it is made")
-        low, high = np.asarray(low_m), np.asarray(high_m)
-        kept = [(a >= low[d]) & (a <= high[d]) for d, a in enumerate(self.query.axes_m)]
-        is_asked = np.ones(self.query.n_points, bool) if self._query_mask is None else self._query_mask
-        index = (
-            np.where(is_asked, np.cumsum(is_asked) - 1, -1).reshape(self.query.shape)[np.ix_(*kept)].ravel()
+        restored = cls(
+            _lattice_from(state, "hinges"),
+            MapSettings(**json.loads(str(state["settings"]))),
+            query=_lattice_from(state, "query") if "query_x_m" in state else None,
+            query_mask=state.get("query_mask"),
+            hinge_mask=state["hinge_mask"],
         )
-        if not (index >= 0).any():
-            return None
-        x, y, z = (axis[keep] for axis, keep in zip(self.query.axes_m, kept, strict=True))
-        return QueryBox(Lattice((x, y, z)), index >= 0, index[index >= 0])
+        restored._belief.restore(state)
+        return restored
 
     def _offset(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The offset b at points [m], shape (N, 3): v_0(x) = s^2 |phi(x)|^2 is the prior variance there."""
         x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.along_axes(points_m))
         return prior_offset(self.settings.prior_prevalence, self.settings.weight_variance * x * y * z)
 
@@ -265,19 +247,18 @@ class HilbertMap:
         return prior_offset(self.settings.prior_prevalence, variance)
 
 
-def _read_lattice(arrays: Mapping[str, NDArray], name: str) -> Lattice:
-    return Lattice((arrays[f"{name}_x_m"], arrays[f"{name}_y_m"], arrays[f"{name}_z_m"]))
+def _lattice_state(name: str, lattice: Lattice) -> dict[str, NDArray]:
+    return {f"{name}_{letter}_m": axis for letter, axis in zip("xyz", lattice.axes_m, strict=True)}
 
 
-def _make_belief(
-    features: HingeFeatures,
-    settings: MapSettings,
-    query: Lattice | None,
-    query_mask: NDArray[np.bool_] | None,
-) -> Belief:
+def _lattice_from(state: Mapping[str, NDArray], name: str) -> Lattice:
+    return Lattice((state[f"{name}_x_m"], state[f"{name}_y_m"], state[f"{name}_z_m"]))
+
+
+def _make_belief(features: HingeFeatures, settings: MapSettings, query: MaskedLattice | None) -> Belief:
     if settings.form == "diagonal":
         return DiagonalBelief(features, settings)
-    return FullBelief.prior(features, settings, query, query_mask)
+    return FullBelief.prior(features, settings, query)
 
 
 def _check_hinges(hinges: Lattice) -> None:
@@ -287,17 +268,6 @@ def _check_hinges(hinges: Lattice) -> None:
             raise ValueError(
                 f"hinges must be evenly spaced along each axis, but {name} has steps {np.diff(axis)}"
             )
-
-
-def _check_query_mask(query: Lattice | None, mask: ArrayLike | None) -> NDArray[np.bool_] | None:
-    if mask is None:
-        return None
-    if query is None:
-        raise ValueError("query_mask needs the query lattice that it masks; pass query=Lattice(...) too")
-    keep = np.array(mask, dtype=bool)
-    if keep.shape != (query.n_points,) or not keep.any():
-        raise ValueError(f"query_mask must keep some of {query.n_points} points; it has shape {keep.shape}")
-    return keep
 
 
 def _check_labels(is_occupied: ArrayLike, n_points: int) -> NDArray[np.float64]:

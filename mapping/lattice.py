@@ -1,6 +1,4 @@
-"""A lattice of points aligned with the axes: the hinges of the features and the points where a map is
-read.
-"""
+"""A lattice of points aligned with the axes: the hinges of the features, or the points where a map is read."""
 
 from __future__ import annotations
 
@@ -29,7 +27,7 @@ class Lattice:
 
     @classmethod
     def from_box(cls, low_m: ArrayLike, high_m: ArrayLike, *, spacing_m: float) -> Lattice:
-        """Returns the lattice of a fixed spacing that is centred in a box.
+        """The lattice of a fixed spacing that is centred in a box.
 
         Args:
             low_m: Lowest corner of the box [m], shape (3,).
@@ -55,7 +53,7 @@ class Lattice:
 
     @classmethod
     def from_counts(cls, low_m: ArrayLike, high_m: ArrayLike, *, counts: tuple[int, int, int]) -> Lattice:
-        """Returns the lattice whose outermost points are the corners of a box.
+        """The lattice whose outermost points are the corners of a box.
 
         Args:
             low_m: Lowest corner of the box [m], shape (3,).
@@ -78,8 +76,60 @@ class Lattice:
         return int(np.prod(self.shape))
 
     def points_m(self) -> NDArray[np.float64]:
-        """Returns all points [m], shape (n_points, 3), x slowest."""
+        """All points [m], shape (n_points, 3), x slowest."""
         return np.stack(np.meshgrid(*self.axes_m, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class MaskedLattice:
+    """The points of a lattice that a mask keeps, in C order: those that a map answers for."""
+
+    lattice: Lattice
+    """All points."""
+    mask: NDArray[np.bool_] | None = None
+    """Which of them are kept, shape (lattice.n_points,); all if None."""
+
+    def __post_init__(self) -> None:
+        """Checks the mask and keeps a read-only copy of it.
+
+        Raises:
+            ValueError: If it does not fit the lattice or keeps nothing.
+        """
+        if self.mask is None:
+            return
+        mask = np.array(self.mask, dtype=bool)
+        if mask.shape != (self.lattice.n_points,) or not mask.any():
+            raise ValueError(
+                f"query_mask must keep some of {self.lattice.n_points} points; it has shape {mask.shape}"
+            )
+        mask.setflags(write=False)
+        object.__setattr__(self, "mask", mask)
+
+    def kept(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What values at all points, shape (..., lattice.n_points), are at those that the mask keeps."""
+        return values if self.mask is None else values[..., self.mask]
+
+    def points_m(self) -> NDArray[np.float64]:
+        """The points that the mask keeps [m], shape (N, 3)."""
+        points = self.lattice.points_m()
+        return points if self.mask is None else points[self.mask]
+
+    def part(self, low_m: ArrayLike, high_m: ArrayLike) -> tuple[MaskedLattice, NDArray[np.intp]] | None:
+        """The part that lies in a box, and where its points stand among all that the mask keeps; None if it is empty.
+
+        Args:
+            low_m: Lowest corner of the box [m], shape (3,).
+            high_m: Highest corner of the box [m], shape (3,).
+        """
+        low, high = np.asarray(low_m), np.asarray(high_m)
+        within = [(a >= low[d]) & (a <= high[d]) for d, a in enumerate(self.lattice.axes_m)]
+        is_kept = np.ones(self.lattice.n_points, dtype=bool) if self.mask is None else self.mask
+        place = np.where(is_kept, np.cumsum(is_kept) - 1, -1).reshape(self.lattice.shape)
+        place = place[np.ix_(*within)].ravel()
+        if not (place >= 0).any():
+            return None
+        x, y, z = (axis[keep] for axis, keep in zip(self.lattice.axes_m, within, strict=True))
+        return MaskedLattice(Lattice((x, y, z)), place >= 0), place[place >= 0]
 
 
 def _check_axis(name: str, axis: NDArray[np.float64]) -> None:
@@ -90,7 +140,7 @@ def _check_axis(name: str, axis: NDArray[np.float64]) -> None:
 
 
 def check_points(points_m: ArrayLike) -> NDArray[np.float64]:
-    """Returns points as a float array of shape (N, 3), or says what is wrong with them.
+    """Points as a float array of shape (N, 3).
 
     Raises:
         ValueError: If the shape is not (N, 3) or a coordinate is not finite.

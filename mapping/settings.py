@@ -65,13 +65,39 @@ class MapSettings:
             )
         if self.form not in ("full", "local", "diagonal"):
             raise ValueError(f"form must be 'full', 'local' or 'diagonal', not {self.form!r}")
-        if not 0 <= self.tolerance <= 0.1:
-            raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {self.tolerance}")
+        _check_tolerance(self.tolerance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InsetSettings:
+    """How the finer maps are made that a `DetailedMap` lays in where tumour was sensed."""
+
+    hinge_spacing_m: float = 0.005625
+    """Distance between neighbouring hinges [m], half of the coarse map's; gamma follows from it."""
+    margin_m: float = 0.008
+    """A box reaches at least this far beyond the points called tumour [m]."""
+    tolerance: float = 3e-5
+    """As `MapSettings.tolerance`; what the narrower kernel itself leaves open is far more."""
+    max_hinges: int = 2000
+    """A box that would need more gets hinges farther apart; from the coarse map's spacing on it is left out."""
+
+    def __post_init__(self) -> None:
+        """Checks the ranges."""
+        for name in ("hinge_spacing_m", "margin_m"):
+            _check_positive(name, getattr(self, name))
+        _check_tolerance(self.tolerance)
+        if self.max_hinges < 1:
+            raise ValueError(f"max_hinges must be at least 1, not {self.max_hinges}")
 
 
 def _check_positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0):
         raise ValueError(f"{name} must be positive, not {value}")
+
+
+def _check_tolerance(tolerance: float) -> None:
+    if not 0.0 <= tolerance <= 0.1:
+        raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {tolerance}")
 
 
 def _check_rates(false_positive_rate: float, false_negative_rate: float) -> None:

@@ -6,16 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .detailed_map import DetailedMap, InsetSettings
+from .detailed_map import DetailedMap
 from .hilbert_map import HilbertMap
 from .lattice import Lattice
 from .prediction import Prediction
-from .settings import MapSettings
+from .settings import InsetSettings, MapSettings
+from .storage import DETAILED_MAP, HILBERT_MAP, naming_the_file, read_arrays
 
 
 @runtime_checkable
@@ -118,3 +120,18 @@ def make_hilbert_map(space: MapSpace) -> HilbertMap | DetailedMap:
         hinge_mask=space.hinge_mask,
     )
     return coarse if space.insets is None else DetailedMap(coarse, space.insets)
+
+
+def load_map(path: str | PathLike[str]) -> HilbertMap | DetailedMap:
+    """The built-in map that a file holds, whichever of the two it is.
+
+    Args:
+        path: What `HilbertMap.save` or `DetailedMap.save` wrote.
+
+    Raises:
+        FileNotFoundError: If there is no such file.
+        ValueError: If the file is damaged, foreign or of another version; the text names file and reason.
+    """
+    kind, arrays = read_arrays(Path(path), HILBERT_MAP, DETAILED_MAP)
+    with naming_the_file(Path(path)):
+        return DetailedMap.from_state(arrays) if kind == DETAILED_MAP else HilbertMap.from_state(arrays)

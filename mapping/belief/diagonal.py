@@ -14,7 +14,7 @@ from ..lattice import Lattice
 from ..likelihood import agreed_mean, bound_curvature, expected_label
 from ..settings import MapSettings
 from ..storage import checked_array
-from .base import Belief, LearningReport
+from .belief import Belief, LearningReport
 
 
 class DiagonalBelief(Belief):
@@ -67,11 +67,11 @@ class DiagonalBelief(Belief):
             raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
         return self.mean[:, None] + np.sqrt(self.variance)[:, None] * self._standard
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
+    def state(self) -> dict[str, NDArray]:
         """Returns the arrays that make up the belief."""
         return {"mean": self.mean, "variance": self.variance}
 
-    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+    def restore(self, state: Mapping[str, NDArray]) -> None:
         """Takes over the arrays of another belief of the same settings and hinges."""
         variance = checked_array(state, "variance", self.variance.shape)
         if np.any(variance <= 0):

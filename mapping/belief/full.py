@@ -9,24 +9,25 @@ With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, the reading's own 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from ..kernel import HingeFeatures
-from ..lattice import Lattice
+from ..lattice import Lattice, MaskedLattice
 from ..likelihood import bound_curvature
 from ..settings import MapSettings
 from ..storage import checked_array
-from .base import Belief, LearningReport
+from .belief import Belief, LearningReport
 from .carried_variance import CarriedVariance
 from .coordinates import ReadingCoordinates, reading_coordinates
-from .covariance import DenseCovariance
+from .dense_covariance import DenseCovariance
+from .held_readings import HeldReading, held_from, held_state
 from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
 from .samples import WeightSamples
-from .tiled import TiledCovariance
+from .tiled_covariance import TiledCovariance
 from .variational import fit_reading, refit_reading
 
 # What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
@@ -38,17 +39,6 @@ _SHRINKAGE_TOLERANCE = 1000.0  # share of a direction's variance that the readin
 _FEATURE_CUTOFF = 10.0  # features of a reading
 _QUERY_CUTOFF = 0.01  # terms of the variance at a query point
 _MARGIN_CUTOFF = 1e4  # features beyond the touched weights, whose own fall is as small as _ROW_TOLERANCE
-
-
-@dataclass(frozen=True, eq=False)
-class HeldReading:
-    """A reading that the belief holds, and how: lambda and the expected label of each of its points."""
-
-    points_m: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    log_odds: NDArray[np.float64]
-    curvature: NDArray[np.float64]
-    labels: NDArray[np.float64]
 
 
 class FullBelief(Belief):
@@ -70,14 +60,13 @@ class FullBelief(Belief):
         cls,
         features: HingeFeatures,
         settings: MapSettings,
-        query: Lattice | None,
-        query_mask: NDArray[np.bool_] | None,
+        query: MaskedLattice | None,
     ) -> FullBelief:
         """Returns the prior belief of the form `full` or `local`."""
         variance, carried = settings.weight_variance, None
         if query is not None:
             cutoff = min(_MARGIN_CUTOFF * settings.tolerance, 1.0)
-            carried = CarriedVariance(features, query, variance, query_mask=query_mask, cutoff=cutoff)
+            carried = CarriedVariance(features, query.lattice, variance, query_mask=query.mask, cutoff=cutoff)
         if settings.form == "local":
             return cls(features, settings, TiledCovariance(features, variance, carried))
         is_exact = settings.tolerance == 0
@@ -95,7 +84,8 @@ class FullBelief(Belief):
         moves = None if self._samples is None else self._samples.learn(coordinates, reading)
         Z = self._shrinkage_root(reading.cholesky)
         n_touched = self._write_back(coordinates, reading.mean, fall=Z, rise=Z[:, :0], moves=moves)
-        self.held.append(HeldReading(points_m, offset, log_odds, reading.curvature, reading.labels))
+        # A copy, since the caller may use the array again.
+        self.held.append(HeldReading(points_m.copy(), offset, log_odds, reading.curvature, reading.labels))
         return LearningReport(Z.shape[1], n_touched, reading.curvature)
 
     def revise(self) -> float:
@@ -122,16 +112,13 @@ class FullBelief(Belief):
             raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
         return self.mean[:, None] + self._samples.deviations
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
+    def state(self) -> dict[str, NDArray]:
         """Returns the arrays that make up the belief."""
-        return {
-            "mean": self.mean,
-            **self.covariance.state(),
-        }
+        return {"mean": self.mean, **self.covariance.state(), **held_state(self.held)}
 
-    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+    def restore(self, state: Mapping[str, NDArray]) -> None:
         """Takes over the arrays of another belief of the same settings and hinges."""
-        self.mean = checked_array(state, "mean", self.mean.shape)
+        self.mean, self.held = checked_array(state, "mean", self.mean.shape), held_from(state)
         self.covariance.restore(state)
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:

@@ -5,8 +5,8 @@ import pytest
 
 from mapping import HilbertMap, Lattice, MapSettings
 from mapping.belief.carried_variance import CarriedVariance
-from mapping.belief.covariance import DenseCovariance
-from mapping.belief.tiled import TiledCovariance
+from mapping.belief.dense_covariance import DenseCovariance
+from mapping.belief.tiled_covariance import TiledCovariance
 from mapping.kernel import HingeFeatures, outer_features
 
 # Two tiles and a half along x, so that some pairs of tiles are too far apart to be kept.

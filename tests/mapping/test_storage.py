@@ -21,8 +21,8 @@ def learnt_map(**changes):
     return trial
 
 
-def learn(trial):
-    points_m = np.random.default_rng(0).uniform(*BOX_M, (60, 3))
+def learn(trial, seed=0):
+    points_m = np.random.default_rng(seed).uniform(*BOX_M, (60, 3))
     trial.update(points_m, points_m[:, 2] < -0.01)
 
 
@@ -38,6 +38,38 @@ def test_a_saved_map_answers_and_learns_as_before(form, tmp_path):
         for belief in (loaded, trial):
             learn(belief)
     assert list(tmp_path.iterdir()) == [tmp_path / "map.npz"]
+
+
+@pytest.mark.parametrize("form", ["full", "local"])
+def test_a_saved_map_revises_its_readings_as_before(form, tmp_path):
+    trial = learnt_map(form=form)
+    learn(trial, seed=1)
+    trial.save(tmp_path / "map.npz")
+    loaded = HilbertMap.load(tmp_path / "map.npz")
+    assert loaded.revise() == trial.revise() > 0.0
+    np.testing.assert_array_equal(loaded.predict_lattice().score, trial.predict_lattice().score)
+
+
+def test_a_covariance_that_rounds_differently_above_and_below_its_diagonal_comes_back_to_the_bit(tmp_path):
+    trial = learnt_map()
+    # As BLAS may leave it in the product of a large plane of hinges with itself.
+    Sigma = trial.belief.covariance.matrix
+    Sigma[2, 7] = np.nextafter(Sigma[2, 7], np.inf)
+    trial.save(tmp_path / "map.npz")
+    loaded = HilbertMap.load(tmp_path / "map.npz").belief.covariance.matrix
+    assert loaded[2, 7] != loaded[7, 2]
+    np.testing.assert_array_equal(loaded, Sigma)
+
+
+def test_a_caller_who_uses_his_array_again_does_not_change_what_was_learnt():
+    trial, other = learnt_map(), learnt_map()
+    points_m = np.random.default_rng(2).uniform(*BOX_M, (60, 3))
+    for each, given_m in ((trial, points_m.copy()), (other, points_m)):
+        each.update(given_m, points_m[:, 2] < -0.01)
+    points_m[:] = 0.0
+    trial.revise()
+    other.revise()
+    np.testing.assert_array_equal(other.predict_lattice().score, trial.predict_lattice().score)
 
 
 def saved_arrays(tmp_path):
@@ -86,6 +118,14 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         ({"mean": np.zeros(3)}, r"'mean' has shape \(3,\)"),
         ({"mean": np.inf}, "'mean' is not finite"),
         ({"covariance": -1.0}, "not positive definite"),
+        ({"version": None}, "of version None"),
+        ({"held_points_m": None}, "'held_points_m' is missing"),
+        ({"held_counts": np.array([59])}, "'held_counts' does not hold the numbers"),
+        ({"held_counts": np.array([0, 60])}, "'held_counts' does not hold the numbers"),
+        ({"held_curvature": np.nan}, "'held_curvature' is not finite"),
+        ({"held_log_odds": np.nan}, "'held_log_odds' is not finite"),
+        ({"rounded_at": np.array([-1])}, "'rounded' has shape"),
+        ({"rounded_at": np.array([-1]), "rounded": np.zeros(1)}, "'rounded_at' does not hold places"),
     ],
 )
 def test_a_file_with_a_wrong_part_is_refused_and_the_part_named(change, complaint, tmp_path):

@@ -85,6 +85,7 @@ def test_a_class_that_lacks_a_method_is_no_map(space):
 @pytest.mark.parametrize("insets", [None, InsetSettings()])
 def test_the_built_in_map_of_a_space_answers_at_its_points(space, insets):
     made = make_hilbert_map(replace(space, insets=insets))
+    assert isinstance(made, TumourMap)
     assert isinstance(made, HilbertMap if insets is None else DetailedMap)
     np.testing.assert_array_equal(made.query_points_m(), space.points_m)
     made.update(*reading())

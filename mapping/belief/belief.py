@@ -76,11 +76,11 @@ class Belief(ABC):
         """Draws weights from the belief and keeps them up with every later reading."""
 
     @abstractmethod
-    def state(self) -> dict[str, NDArray[np.float64]]:
+    def state(self) -> dict[str, NDArray]:
         """Returns the arrays that make up the belief."""
 
     @abstractmethod
-    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+    def restore(self, state: Mapping[str, NDArray]) -> None:
         """Takes over the arrays of another belief of the same settings and hinges.
 
         Raises:

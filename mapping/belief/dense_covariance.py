@@ -91,22 +91,41 @@ class DenseCovariance(KeptCovariance):
         factor = cholesky(self.matrix, lower=True, check_finite=False)
         return factor @ rng.standard_normal((len(self.matrix), n_samples))
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
-        """Returns the lower triangle, row by row, and the variance that is carried."""
-        triangle = {"covariance": self.matrix[np.tril_indices(len(self.matrix))]}
-        return triangle if self._carried is None else {"carried_variance": self._carried.values, **triangle}
+    def state(self) -> dict[str, NDArray]:
+        """The lower triangle row by row, what differs from it above the diagonal, and the variance that is carried.
 
-    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
-        """Takes over a saved triangle.
+        Products of a plane of hinges with itself round differently above and below the diagonal, and a map that goes
+        on from a file is to give the same bytes.
+        """
+        differs = np.flatnonzero(np.triu(self.matrix != self.matrix.T))
+        state = {
+            "covariance": self.matrix[np.tril_indices(len(self.matrix))],
+            "rounded_at": differs,
+            "rounded": self.matrix.ravel()[differs],
+        }
+        return state if self._carried is None else {"carried_variance": self._carried.values, **state}
+
+    def restore(self, state: Mapping[str, NDArray]) -> None:
+        """Takes over a saved covariance.
 
         Raises:
-            ValueError: If it is missing, of another size, or not positive definite.
+            KeyError: If an array is missing.
+            ValueError: If an array is of another size or not finite, or the matrix is not positive definite.
         """
         n_weights = len(self.matrix)
         triangle = checked_array(state, "covariance", (n_weights * (n_weights + 1) // 2,))
         matrix = np.zeros_like(self.matrix)
         matrix[np.tril_indices(n_weights)] = triangle
         matrix += np.tril(matrix, -1).T
+        differs = np.asarray(state["rounded_at"])
+        rounded = checked_array(state, "rounded", differs.shape)
+        if (
+            differs.ndim != 1
+            or differs.dtype.kind != "i"
+            or not np.all((differs >= 0) & (differs < matrix.size))
+        ):
+            raise ValueError("its array 'rounded_at' does not hold places of the covariance")
+        matrix.ravel()[differs] = rounded
         try:
             cholesky(matrix, lower=True, check_finite=False)
         except np.linalg.LinAlgError:

@@ -177,12 +177,12 @@ class TiledCovariance(KeptCovariance):
             raise ValueError("the local form draws only before its first reading; call carry_samples earlier")
         return np.sqrt(self._variance) * rng.standard_normal((self._features.n_weights, n_samples))
 
-    def state(self) -> dict[str, NDArray[np.float64]]:
+    def state(self) -> dict[str, NDArray]:
         """Returns the panels, one array each, and the variance that is carried."""
         panels = {f"panel_{x}_{y}_{z}": panel for (x, y, z), panel in self._panels.items()}
         return panels if self._carried is None else {"carried_variance": self._carried.values, **panels}
 
-    def restore(self, state: Mapping[str, NDArray[np.float64]]) -> None:
+    def restore(self, state: Mapping[str, NDArray]) -> None:
         """Takes over saved panels.
 
         Raises:

@@ -5,7 +5,7 @@ From the command line, beside this file:
     sounding episode --planner random --map example_04_own_map:NearestPoints
 """
 
-from pathlib import Path
+from os import PathLike
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -35,7 +35,7 @@ class NearestPoints:
         p = (prior + np.sum(weights * self.labels[near], axis=1)) / (1.0 + weights.sum(axis=1))
         return sounding.Prediction.from_probability(p)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | PathLike[str]) -> None:
         """Writes what the map knows."""
         np.savez(path, points_m=self.points_m, labels=self.labels)
 

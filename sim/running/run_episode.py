@@ -192,7 +192,7 @@ class _EpisodeRun:
     ) -> None:
         self._parts, self._output, self._folder = parts, output, folder
         self._episode, self._frames = episode, frames
-        self._totals, self._status = Totals(), "finished"
+        self._totals, self._status = Totals(), "failed"
         self._has_told_of_reach = False
 
     def run(self, interrupt: NotedInterrupt, start_s: float, *, show_progress: bool) -> dict[str, Any]:
@@ -200,6 +200,7 @@ class _EpisodeRun:
         setup_s = perf_counter() - start_s
         try:
             self._sense(interrupt, show_progress=show_progress)
+            self._status = "finished"
         except KeyboardInterrupt:
             self._status = "interrupted"
             raise

@@ -21,11 +21,11 @@ Surface = Literal["organ", "tumour", "target"]
 """Which bodies a ray looks for; it passes through all others."""
 
 EXIT_MARGIN_M = 1e-6
-"""Rounding of a place: a crossing this near to the end of all surfaces is the last."""
+"""Allowance for rounding: a crossing this near to where a ray leaves all surfaces behind is its last."""
 RAY_RESTART_M = 1e-7
 """A ray goes on this far behind a hit, well above the rounding of a distance of a metre."""
 MAX_CROSSINGS = 64
-"""A ray that crosses more surfaces than this is caught in degenerate geometry."""
+"""A ray that crosses more surfaces than this is caught in degenerate geometry, and is followed no further."""
 
 
 class Crossings(NamedTuple):

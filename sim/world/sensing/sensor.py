@@ -33,7 +33,7 @@ class PointLabels(NamedTuple):
 class SceneState:
     """What a sensor may look at: the scene as it stands when the sensor is called.
 
-    One is made per episode. It holds on to `data`, which the episode moves on, so whatever is read here is of now.
+    One is made per episode and serves it to the end: the episode moves `data` on, and all that is read here follows.
     """
 
     scene: Scene
@@ -61,7 +61,7 @@ class SceneState:
         return SurfaceRays(self.scene)
 
     def to_world_m(self, points_probe_m: ArrayLike) -> NDArray[np.float64]:
-        """Points of the probe's frame in the world frame [m], shape as given.
+        """Points given in the probe's frame, now in the world frame [m], in the same shape.
 
         Args:
             points_probe_m: Points in the frame of the tip [m], shape (..., 3).
@@ -71,6 +71,8 @@ class SceneState:
 
     def labels(self, points_m: ArrayLike) -> PointLabels:
         """What lies at points, by the solids of the anatomy.
+
+        The rays say the same, but for points within 1e-7 m of a surface: MuJoCo keeps meshes in single precision.
 
         Args:
             points_m: Any points, world frame [m], shape (N, 3).

@@ -65,7 +65,10 @@ def state_at(scene, positioner, pose: int) -> SceneState:
 
 
 def check_labels(state: SceneState, rng: np.random.Generator) -> tuple[int, int]:
-    """Holds the solids' labels against the rays', wherever in the cone; counts points outside organ, and marked."""
+    """Holds the solids' labels against the rays' all over the cone.
+
+    Returns how many points lay outside the organ, and how many in a body.
+    """
     directions_probe, ranges_m = cone_pattern(state.cone, n_rays=100, n_points_per_ray=20, rng=rng)
     origin_m, directions = state.T_world_probe[:3, 3].copy(), directions_probe @ state.T_world_probe[:3, :3].T
     points_m = (origin_m + ranges_m[..., None] * directions[:, None, :]).reshape(-1, 3)
@@ -74,7 +77,7 @@ def check_labels(state: SceneState, rng: np.random.Generator) -> tuple[int, int]
     def is_within(surface) -> np.ndarray:
         return state.rays.winding(state.data, origin_m, directions, ranges_m, of=surface).ravel() > 0
 
-    # The drawn meshes are of single precision, 3e-8 m at half a metre: no drawn point lies that near to a surface.
+    # The drawn meshes are of single precision, 3e-8 m at half a metre: none of the points lies that near to a surface.
     assert np.array_equal(labels.is_in_organ, is_within("organ"))
     assert np.array_equal(labels.is_tumour, is_within("tumour") & is_within("organ"))
     if labels.is_target is not None:

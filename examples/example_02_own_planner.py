@@ -18,7 +18,7 @@ class LeastSure(sounding.Planner):
     """Ranks poses by the variance of the labels that their cone would return, p (1 - p) summed over its points."""
 
     needs_belief = True
-    n_drawn: int = 100
+    n_drawn: int = 60
     """Poses that are looked at before each action."""
 
     def rank(self, situation: sounding.Situation) -> Iterator[int]:
@@ -45,7 +45,7 @@ class LeastSure(sounding.Planner):
 def main() -> None:
     for planner in (LeastSure(), "random"):
         summary = sounding.run_episode(
-            scenario="spheres", planner=planner, arm="none", steps=8, seed=1, report=False,
+            scenario="spheres", planner=planner, arm="none", steps=6, seed=1, report=False,
             out="renders/own-planner", overwrite=True, show_progress=False,
         )  # fmt: skip
         print(

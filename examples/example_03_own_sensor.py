@@ -27,9 +27,9 @@ class Forgetful(sounding.Sensor):
 
 
 def main() -> None:
-    for miss_rate in (0.0, 0.2, 0.5):
+    for miss_rate in (0.0, 0.5):
         summary = sounding.run_episode(
-            scenario="spheres", sensor=Forgetful(miss_rate=miss_rate), arm="none", steps=10, seed=1, report=False,
+            scenario="spheres", sensor=Forgetful(miss_rate=miss_rate), arm="none", steps=8, seed=1, report=False,
             out="renders/own-sensor", overwrite=True, show_progress=False,
         )  # fmt: skip
         print(f"{miss_rate:.0%} of the tumour's points missed: AUPRC {summary['auprc']:.3f}")

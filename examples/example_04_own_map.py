@@ -8,6 +8,7 @@ From the command line, beside this file:
 from os import PathLike
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 
 import sounding
@@ -18,12 +19,12 @@ class NearestPoints:
 
     def __init__(self, space: sounding.MapSpace, n_neighbours: int = 5, reach_m: float = 0.01) -> None:
         self.space, self.n_neighbours, self.reach_m = space, n_neighbours, reach_m
-        self.points_m, self.labels = np.empty((0, 3)), np.empty(0)
+        self.points_m, self.labels = np.empty((0, 3)), np.empty(0, dtype=bool)
 
-    def update(self, points_m: np.ndarray, is_occupied: np.ndarray) -> None:
+    def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> None:
         """Takes in a reading."""
-        self.points_m = np.concatenate([self.points_m, points_m])
-        self.labels = np.concatenate([self.labels, is_occupied])
+        self.points_m = np.vstack([self.points_m, np.asarray(points_m)])
+        self.labels = np.append(self.labels, np.asarray(is_occupied))
 
     def predict_lattice(self) -> sounding.Prediction:
         """The belief at the points of the lattice that lie in the organ."""

@@ -53,13 +53,16 @@ def load_plug(text: str, kind: PlugKind, *, built_in: Sequence[str] = ()) -> Any
     return plug
 
 
-def make_plug(text: str, kind: PlugKind, options: Mapping[str, Any], *, built_in: Sequence[str] = ()) -> Any:
+def make_plug(
+    text: str, kind: PlugKind, options: Mapping[str, Any], *arguments: Any, built_in: Sequence[str] = ()
+) -> Any:
     """What the class named by a text makes of options.
 
     Args:
         text: See `load_plug`.
         kind: What the text must name.
         options: Passed to the class by keyword.
+        arguments: Passed before them: for a map the space that it is made for.
         built_in: See `load_plug`.
 
     Raises:
@@ -70,7 +73,7 @@ def make_plug(text: str, kind: PlugKind, options: Mapping[str, Any], *, built_in
     signature = _signature(plug)
     if signature is not None:
         try:
-            signature.bind(**options)
+            signature.bind(*arguments, **options)
         except TypeError as error:
             given = f"the options {', '.join(options)}" if options else "no options"
             raise PlugError(
@@ -78,7 +81,7 @@ def make_plug(text: str, kind: PlugKind, options: Mapping[str, Any], *, built_in
                 f"{plug.__name__}{signature}."
             ) from error
     try:
-        return plug(**options)
+        return plug(*arguments, **options)
     # It is the user's own code, which may raise anything; whatever it is, the user is told.
     except (Exception, SystemExit) as error:
         raise PlugError(

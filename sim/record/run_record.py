@@ -91,12 +91,13 @@ class RunRecord:
         return np.array([float(row.get(column) or "nan") for row in self.steps], dtype=np.float64)
 
 
-def load_run(folder: Path) -> RunRecord:
+def load_run(folder: Path | str) -> RunRecord:
     """Read a run's folder.
 
     Raises:
         UsageError: It is not the folder of an episode, or one of its files is missing or broken.
     """
+    folder = Path(folder)
     if not (folder / MANIFEST).is_file():
         raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
     config, manifest = _json(folder / "config.json"), _json(folder / MANIFEST)

@@ -302,8 +302,9 @@ def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     """What makes the map, None where none is kept."""
     kept = config.mapping.map
     if is_plug(kept, MAP):
-        factory, options = load_plug(kept, MAP), parse_plug_options(config.mapping.map_option)
-        return lambda space: factory(space, **options)
+        load_plug(kept, MAP)  # a text that leads nowhere is told before anything is built
+        options = parse_plug_options(config.mapping.map_option)
+        return lambda space: make_plug(kept, MAP, options, space)
     is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
     return make_hilbert_map if is_kept else None
 

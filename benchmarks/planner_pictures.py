@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from planner import planner_names
-from sim.episode.episode import Episode, Step
+from sim.episode.episode import Episode
 from sim.episode.setup import build_setup
+from sim.episode.step import Step
 from sim.pictures.figures import BLUE, GRID, INK, MUTED, VERMILION
 from sim.running.fields import config_of
 from sim.running.parts import make_parts

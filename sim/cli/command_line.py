@@ -13,8 +13,7 @@ from planner import PlannerError
 from sim.errors import UsageError
 from sim.world.errors import WorldError
 
-from .exit_codes import BAD_INPUT
-from .flags import in_flags
+from .terminal import BAD_INPUT, in_flags
 
 COMMANDS = {
     "episode": "episode",

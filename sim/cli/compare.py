@@ -12,7 +12,7 @@ import tyro
 from sim.campaign.study import parse_seeds
 from sim.errors import FieldError, UsageError
 
-from .flags import parse
+from .terminal import parse
 
 
 @dataclass(frozen=True, kw_only=True)

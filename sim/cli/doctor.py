@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .flags import parse
+from .terminal import parse
 
 
 @dataclass(frozen=True)

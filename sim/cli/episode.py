@@ -3,14 +3,36 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from sim.running.config import EpisodeConfig
 from sim.running.fields import config_of, read_config
 
-from .exit_codes import INTERRUPTED
-from .flags import note, parse
-from .terminal_tables import episode_table
+from .terminal import INTERRUPTED, aligned_lines, note, parse
+
+ROWS = (
+    ("sensing actions", "n_sensings", "{}"),
+    ("actions until 95 % of the tumour was sensed", "sensings_to_95", "{}"),
+    ("tumour sensed", "sensed_fraction", "{:.1%}"),
+    ("tumour that could be sensed at all", "attainable_fraction", "{:.1%}"),
+    ("AUPRC of the map", "auprc", "{:.3f}"),
+    ("Dice at probability 0.5", "dice", "{:.3f}"),
+    ("log loss", "log_loss", "{:.4f}"),
+    ("calibration error", "expected_calibration_error", "{:.4f}"),
+    ("poses skipped, out of the arm's reach", "n_skipped_poses", "{}"),
+    ("modelled time of the procedure [s]", "procedure_s", "{:.1f}"),
+    ("way of the tip [m]", "tip_path_m", "{:.2f}"),
+    ("time in all [s]", "wall_s", "{:.1f}"),
+)
+
+TARGET_ROWS = (
+    ("{}: actions until 95 % was sensed", "target_sensings_to_95", "{}"),
+    ("{}: sensed", "target_sensed_fraction", "{:.1%}"),
+    ("{}: AUPRC of their map", "target_auprc", "{:.3f}"),
+    ("{}: Dice at probability 0.5", "target_dice", "{:.3f}"),
+)
+"""Of a second class, whose name the labels begin with."""
 
 Options = EpisodeConfig
 
@@ -47,3 +69,16 @@ def run(options: EpisodeConfig) -> int:
     if options.output.report:
         print(f"open {summary['folder']}/report.html in a browser")
     return 0
+
+
+def episode_table(summary: Mapping[str, Any]) -> str:
+    """The results of an episode as an aligned table, ending with the folder that holds them."""
+    head = (
+        f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
+    )
+    name, rows = summary.get("target_name"), list(ROWS)
+    if name is not None:
+        rows[-1:-1] = [(label.format(name), key, form) for label, key, form in TARGET_ROWS]
+    return "\n".join(
+        [head, "-" * len(head), *aligned_lines(rows, summary), f"written to {summary['folder']}"]
+    )

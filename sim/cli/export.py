@@ -11,7 +11,7 @@ import tyro
 
 from sim.errors import FieldError, UsageError
 
-from .flags import parse
+from .terminal import parse
 
 
 @dataclass(frozen=True, kw_only=True)

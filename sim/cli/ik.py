@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError
+from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
 from sim.running.case import MM, metres
-from sim.running.parts import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
 
-from .exit_codes import NOT_REACHED
-from .flags import parse
+from .terminal import NOT_REACHED, parse
 
 Triple = tuple[float, float, float]
 

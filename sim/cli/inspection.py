@@ -12,8 +12,7 @@ import tyro
 from sim.errors import FieldError
 from sim.running.case import CaseConfig
 
-from .exit_codes import NOT_USABLE
-from .flags import in_flags, parse
+from .terminal import NOT_USABLE, in_flags, parse
 
 
 @dataclass(frozen=True, kw_only=True)

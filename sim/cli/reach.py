@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,18 +13,27 @@ from typing import TYPE_CHECKING, Any, Literal
 from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
+from sim.running.arm_place import arm_standing, check_base
 from sim.running.case import MM, AnatomyConfig, CaseConfig, scenario_changes
-from sim.running.parts import arm_standing, check_base
 
-from .exit_codes import INTERRUPTED
-from .flags import note, parse
-from .terminal_tables import arms_summary, reach_table
+from .terminal import INTERRUPTED, aligned_lines, note, parse
 
 if TYPE_CHECKING:
     from sim.reach.study import StudySettings
     from sim.world.scene.arm import ArmModel
 
 Triple = tuple[float, float, float]
+REACH_ROWS = (
+    ("poses", "n_poses", "{}"),
+    ("reached", "reached_fraction", "{:.2%}"),
+    ("share in the largest connected region", "largest_region_fraction", "{:.2%}"),
+    ("connected regions", "n_regions", "{}"),
+    ("score, median", "score_median", "{:.2f}"),
+    ("clearance, tenth percentile [m]", "clearance_m_p10", "{:.3f}"),
+    ("distance to joint limits, tenth percentile [rad]", "joint_limit_distance_rad_p10", "{:.2f}"),
+    ("poses a second", "poses_per_s", "{:.0f}"),
+    ("time in all [s]", "wall_s", "{:.1f}"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,3 +191,51 @@ def _plain(options: Options) -> dict[str, Any]:
     """The options as config.json keeps them: groups opened."""
     values = dataclasses.asdict(options)
     return {**values.pop("case"), **values.pop("anatomy"), **values}
+
+
+def reach_table(summary: Mapping[str, Any]) -> str:
+    """The results of a reachability study as an aligned table, ending with the folder that holds them."""
+    head = f"{summary['scenario']}, arm {summary['arm']}"
+    reasons = [
+        f"not reached, {name.replace('_', ' ')}: {count}"
+        for name, count in summary["reasons"].items()
+        if name != "reached"
+    ]
+    tilts = [
+        f"reached with a tilt of up to {tilt} degrees: {share:.2%}"
+        for tilt, share in summary["reached_fraction_by_tilt_deg"].items()
+    ]
+    lines = [*aligned_lines(REACH_ROWS, summary), *reasons, *tilts, *_base_lines(summary)]
+    return "\n".join([head, "-" * len(head), *lines, f"written to {summary['folder']}"])
+
+
+def arms_summary(summary: Mapping[str, Any]) -> str:
+    """The arms of a comparison as a table, ending with the folder that holds their studies."""
+    return f"{summary['scenario']}\n\n{summary['table']}\nwritten to {summary['folder']}"
+
+
+def _base_lines(summary: Mapping[str, Any]) -> list[str]:
+    """What a search for a base found."""
+    found = summary.get("base_search")
+    if found is None:
+        return []
+    head = f"best of {found['n_bases']} bases, asked for {found['n_poses']} poses each"
+    head += f" ({found['n_blocked']} more had no room)" if found["n_blocked"] else ""
+    best, present = found["best_reached_fraction"], summary["reached_fraction"]
+    lines = [
+        "",
+        f"{head}:",
+        f"  reached from there  {best:.2%} of all poses, from the present base {present:.2%}",
+    ]
+    if found["objective"] == "seen":
+        shares = (found[f"{name}_seen_fraction_by_sample"] for name in ("best", "present"))
+        lines.append("  organ's inside seen {:.1%}, from the present base {:.1%}".format(*shares))
+    if found["best_stage"] == "present":
+        return [*lines, "  no candidate is better than the present base"]
+    return [*lines, f"  to put the base there: {_base_flags(found['best_base'])}"]
+
+
+def _base_flags(place: Mapping[str, Any]) -> str:
+    """What to type to put an arm's base somewhere."""
+    base_mm = " ".join(f"{value:g}" for value in place["base_mm"])
+    return f"--base-mm {base_mm} --base-yaw-deg {place['base_yaw_deg']:g}"

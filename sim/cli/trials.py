@@ -15,8 +15,7 @@ from sim.errors import FieldError, UsageError
 from sim.running.fields import converted
 from sim.world.motion.settings import MotionKind
 
-from .exit_codes import INTERRUPTED
-from .flags import in_flags, parse
+from .terminal import INTERRUPTED, in_flags, parse
 
 if TYPE_CHECKING:
     from sim.campaign.campaign import CampaignSummary

@@ -11,8 +11,7 @@ import tyro
 
 from sim.errors import FieldError
 
-from .exit_codes import INTERRUPTED
-from .flags import parse
+from .terminal import INTERRUPTED, parse
 
 
 @dataclass(frozen=True, kw_only=True)

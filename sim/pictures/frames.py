@@ -12,7 +12,8 @@ from scipy.ndimage import binary_erosion
 
 from mapping.storage import replacing
 from sim.closeable import Closeable
-from sim.episode.episode import Episode, Step
+from sim.episode.episode import Episode
+from sim.episode.step import Step
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.scene.rendering import Overlay, SceneRenderer
 

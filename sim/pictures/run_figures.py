@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping import Prediction, precision_recall_curve
-from sim.episode.episode import Episode, Step
+from sim.episode.episode import Episode
+from sim.episode.step import Step
 from sim.world.solids.solid import Solid
 
 from .figures import TargetCurves, draw_precision_recall, draw_progress

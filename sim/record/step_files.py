@@ -9,9 +9,10 @@ import numpy as np
 from mapping import Prediction
 from planner import Workspace
 from planner.acquisition import expected_improvement
-from sim.episode.episode import Episode, Step
+from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS
 from sim.episode.setup import Setup
+from sim.episode.step import Step
 
 from .map_history import write_history
 from .map_volumes import map_volumes, maps_in

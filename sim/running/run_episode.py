@@ -16,9 +16,10 @@ from tqdm import tqdm
 
 from planner import Planner
 from sim.episode.arm_motion import make_motion_model
-from sim.episode.episode import Episode, Step
+from sim.episode.episode import Episode
 from sim.episode.motion import ProcedureStoppedError
 from sim.episode.setup import Setup, build_setup
+from sim.episode.step import Step
 from sim.findings.structure_distances import distance_rows
 from sim.interrupt import NotedInterrupt
 from sim.notices import Notify, print_notice

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mapping import MapMetrics
-from sim.episode.episode import Episode, Step
+from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
+from sim.episode.step import Step
 from sim.episode.target_belief import TargetBelief
 
 

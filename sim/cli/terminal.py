@@ -1,10 +1,10 @@
-"""Flags: options classes read from the command line, and the names of fields in texts written as flags."""
+"""Between the commands and the terminal: options read from flags, fields in texts written as flags, exit codes."""
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import tyro
@@ -12,6 +12,8 @@ import tyro
 from sim.errors import FieldError, value_text
 from sim.running.fields import field_names, leaf_fields
 
+NOT_REACHED, NOT_USABLE, BAD_INPUT, INTERRUPTED = 1, 1, 2, 130
+"""Exit codes besides 0."""
 Options = TypeVar("Options")
 _IN_BACKTICKS = re.compile(r"`(\w+)`")
 
@@ -56,3 +58,18 @@ def _replaced(text: str, names: Iterable[str]) -> str:
 def note(text: str) -> None:
     """Print a notice on stderr, with flags."""
     print(f"note: {in_flags(text)}", file=sys.stderr)
+
+
+def aligned_lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> list[str]:
+    """Figures of a summary, one a line, with a dash where there is none.
+
+    Args:
+        rows: Label, key of the summary, and format of each figure.
+        summary: The figures.
+    """
+    width = max(len(label) for label, *_ in rows)
+    lines = []
+    for label, key, form in rows:
+        value = summary.get(key)
+        lines.append(f"{label:<{width}}  {'–' if value is None else form.format(value)}")
+    return lines

@@ -1,0 +1,47 @@
+"""A step: one sensing action of an episode, and the poses that were skipped before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sim.world.ik.result import IkResult
+from sim.world.sensing.reading import Reading
+
+from .motion import Motion
+from .target_belief import TargetScore
+
+
+@dataclass(frozen=True)
+class SkippedPose:
+    """A pose that the planner wanted and the arm could not take."""
+
+    pose_index: int
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Step:
+    """One sensing action and what came of it."""
+
+    step: int
+    """Number of the action, from 1."""
+    pose_index: int
+    ik: IkResult
+    reading: Reading
+    sensed_fraction: float | None
+    """Share of the tumours' detection points that lay in some cone so far; None without tumours."""
+    auprc: float | None
+    """Area under the map's precision-recall curve; None without tumours or without a map."""
+    skipped: tuple[SkippedPose, ...]
+    """Poses ranked before this one that the arm could not take."""
+    motion: Motion
+    """The way there from the last contact: lift, transfer, descent."""
+    procedure_s: float
+    """Modelled time of motion and sensing."""
+    plan_s: float
+    ik_s: float
+    move_s: float
+    sense_s: float
+    update_s: float
+    target: TargetScore | None = None
+    """How a second class stands; None where none is mapped."""

@@ -1,0 +1,61 @@
+"""The arm of a configuration, standing where people say in millimetres and degrees."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from sim.errors import FieldError
+
+from .case import metres
+from .config import EpisodeConfig
+
+if TYPE_CHECKING:
+    from sim.world.scene.arm import ArmModel
+
+MAX_POSITION_MM = 10_000.0
+"""Positions farther out than this from the world's origin are a mistake of unit."""
+METRES_MM = 3.0
+"""A position all of whose numbers are below this was likely given in metres."""
+
+
+def arm_of(config: EpisodeConfig) -> ArmModel | None:
+    """The arm, where it stands; None for a free-flying probe.
+
+    Raises:
+        UsageError, WorldError: The base cannot stand there, or the arm's package is not installed.
+    """
+    if config.arm == "none":
+        return None
+    own = config.mounting
+    return arm_standing(config.arm, own.flange, base_mm=own.base_mm, base_yaw_deg=own.base_yaw_deg)
+
+
+def arm_standing(
+    arm: str, flange: str | None, *, base_mm: tuple[float, float, float], base_yaw_deg: float
+) -> ArmModel:
+    """The arm of a name or file, with its base where people say in millimetres and degrees.
+
+    Raises:
+        UsageError: Numbers that are not finite or too large, or a position that was likely given in metres.
+        WorldError: There is no such arm.
+    """
+    from sim.world.scene.named_arms import named_arm
+
+    check_base(base_mm, base_yaw_deg)
+    return named_arm(arm, flange, base_m=metres(base_mm), base_yaw_rad=math.radians(base_yaw_deg))
+
+
+def check_base(base_mm: tuple[float, float, float], base_yaw_deg: float) -> None:
+    """Nothing, if a base can stand there.
+
+    Raises:
+        FieldError: Numbers that are not finite or too large, or a position that was likely given in metres.
+    """
+    shown = tuple(f"{value:g}" for value in base_mm)
+    if not all(math.isfinite(value) and abs(value) <= MAX_POSITION_MM for value in base_mm):
+        raise FieldError("base_mm", shown, f"finite numbers of at most {MAX_POSITION_MM:.0f} mm.")
+    if 0.0 < max(abs(value) for value in base_mm) < METRES_MM:
+        raise FieldError("base_mm", shown, f"below {METRES_MM:g} mm; was it given in metres?")
+    if not math.isfinite(base_yaw_deg) or abs(base_yaw_deg) > 360.0:
+        raise FieldError("base_yaw_deg", f"{base_yaw_deg:g}", "from -360 to 360 degrees.")

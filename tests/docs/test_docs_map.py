@@ -19,4 +19,4 @@ def test_every_module_the_page_names_exists():
     page = (root / "docs" / "map.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`([a-z_]+\.py)`", page))
     assert len(named) >= 8
-    assert named <= {path.name for path in (root / "mapping").glob("*.py")}
+    assert named <= {path.name for path in (root / "mapping").rglob("*.py")}

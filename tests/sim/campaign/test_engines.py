@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import trial_work
 
-from sim.campaign.engines.engine import make_engine
+from sim.campaign.engines.factory import make_engine
 from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Part, Trial
 from sim.errors import UsageError

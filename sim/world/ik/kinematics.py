@@ -1,7 +1,8 @@
 """Kinematics: IK from a sensing pose to joint positions, with the roll about the beam left free.
 
-A search of many starts at once finds the most comfortable answer; mink, a quadratic program per step with the joint
-limits as constraints, brings it within the tolerances; MuJoCo's contacts and the organ's true surface verify it.
+A search of many starts at once finds the most comfortable answer; `damped_least_squares.py` says what it minimises.
+mink, a quadratic program per step with the joint limits as constraints, brings the answer within the tolerances.
+MuJoCo's contacts and the organ's true surface verify it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sim.world.frames import frames_along
 from sim.world.scene.clearance import Clearance, Collision
 from sim.world.scene.scene import Scene
 
+from .damped_least_squares import AXIS_WEIGHT_M
 from .result import IkResult, IkStatus
 from .search import IkSearch
 from .settings import IkSettings
@@ -38,7 +40,15 @@ class Kinematics:
         self._configuration = mink.Configuration(scene.model)
         self._tip_id = scene.model.site(scene.tip_site).id
         self._frame = mink.FrameTask(
-            scene.tip_site, "site", position_cost=1.0, orientation_cost=[0.3, 0.3, 0.0], lm_damping=1e-6
+            scene.tip_site,
+            "site",
+            position_cost=1.0,  # [1 / m]
+            orientation_cost=[
+                AXIS_WEIGHT_M,
+                AXIS_WEIGHT_M,
+                0.0,
+            ],  # [1 / rad], the roll about the beam is free
+            lm_damping=1e-6,
         )
         self._posture = mink.PostureTask(scene.model, cost=self.settings.posture_cost)
         self._limits: list[mink.Limit] = [mink.ConfigurationLimit(scene.model)]

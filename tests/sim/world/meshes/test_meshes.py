@@ -292,6 +292,6 @@ def test_an_unknown_unit_or_role_lists_the_known_ones(tmp_path):
 
 def test_a_surface_turned_inside_out_has_a_negative_volume_wherever_it_lies():
     box = trimesh.creation.box((0.1, 0.2, 0.3))
-    far_m = np.asarray(box.vertices) + [5.0, -3.0, 2.0]
+    far_m = np.asarray(box.vertices) + np.array([5.0, -3.0, 2.0])
     assert signed_volume_m3(far_m, box.faces) == pytest.approx(0.006, rel=1e-12)
     assert signed_volume_m3(far_m, box.faces[:, ::-1]) == pytest.approx(-0.006, rel=1e-12)

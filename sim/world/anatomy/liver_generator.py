@@ -3,11 +3,10 @@
     python -m sim.world.anatomy.liver_generator --seed 3 --out liver.stl
 
 The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ about as much as its
-do. Needs the optional packages of `pip install 'sounding[generate]'`.
+do. It needs the optional package of `pip install 'sounding[generate]'`.
 """
 
 import argparse
-import importlib
 from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
@@ -16,8 +15,11 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label
+from skimage import measure  # it loads itself when it is first used
 
 from sim.world.errors import GeneratorError
+from sim.world.meshes.decimation import HASTE
+from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
 
 from .implicit import Field
@@ -50,9 +52,6 @@ SMOOTHING = 0.9
 N_TRIANGLES = 8000
 """Triangles kept by default: the surface then moves by about 0.1 mm."""
 
-HASTE = (5.0, 3.0, 1.0)
-"""How hastily the simplification collapses edges (0 to 10), in turn: slower is more even and tears less."""
-
 N_SPARE_TRIANGLES = 8
 """Triangles below the limit that are aimed for, as the simplification may end a few above its aim."""
 
@@ -79,11 +78,13 @@ def make_liver(
         The liver.
 
     Raises:
-        GeneratorError: The optional packages are missing, or no sound shape was found.
+        MissingPackageError: fast-simplification is not installed.
+        GeneratorError: No sound shape was found.
         ValueError: An argument out of range.
     """
-    measure = _optional("skimage.measure", "scikit-image")
-    fast_simplification = _optional("fast_simplification", "fast-simplification")
+    fast_simplification = optional_module(
+        "fast_simplification", "fast-simplification", "generate", "making livers"
+    )
     if n_triangles < 1000:
         raise ValueError(f"n_triangles={n_triangles} must be at least 1000")
     if volume_m3 is None:
@@ -93,7 +94,7 @@ def make_liver(
     for _ in range(MAX_ATTEMPTS):
         drawn = shape or LiverShape.draw(rng)
         field = _sample_field(drawn, rng)
-        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0], measure), n_triangles, fast_simplification)
+        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0]), n_triangles, fast_simplification)
         if mesh is not None:
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
             mesh.apply_scale(np.cbrt(volume_m3 / mesh.volume))
@@ -128,7 +129,7 @@ def _sample_field(shape: LiverShape, rng: np.random.Generator) -> Field:
     return field
 
 
-def _surface(field: Field, low_mm: NDArray[np.float64], measure: ModuleType) -> trimesh.Trimesh:
+def _surface(field: Field, low_mm: NDArray[np.float64]) -> trimesh.Trimesh:
     """The zero level of the field [mm], outward; its lattice begins at `low_mm`."""
     vertices, faces, _, _ = measure.marching_cubes(field, 0.0, spacing=(SPACING_MM,) * 3)
     mesh = trimesh.Trimesh(vertices + low_mm, faces, process=True)
@@ -166,15 +167,6 @@ def _is_sound(mesh: trimesh.Trimesh) -> bool:
     return bool(
         mesh.is_watertight and mesh.is_winding_consistent and mesh.euler_number == 2 and mesh.volume > 0
     )
-
-
-def _optional(module: str, package: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise GeneratorError(
-            f"making livers needs {package}, which is not installed; run: pip install 'sounding[generate]'"
-        ) from error
 
 
 def main(arguments: list[str] | None = None) -> None:

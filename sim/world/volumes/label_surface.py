@@ -12,15 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, zoom
+from skimage import measure  # it loads itself when it is first used
 
 from sim.world.errors import MeshError
 from sim.world.meshes.decimation import decimate
 from sim.world.meshes.repair import RepairError, repair
 from sim.world.meshes.topology import signed_volume_m3
-from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
-
-EXTRA = "labels"
 
 LEAST_BLUR_VOXELS = 0.8
 """Standard deviation of the blur along each axis, in voxels: less leaves steps."""
@@ -73,9 +71,8 @@ def surface_of(mask: NDArray[np.bool_], T_lps_voxel: NDArray[np.float64], settin
 
     Raises:
         MeshError: No closed surface could be drawn.
-        WorldError: scikit-image is not installed.
+        MissingPackageError: fast-simplification is not installed, and the surface needs it.
     """
-    measure = optional_module("skimage.measure", "scikit-image", EXTRA, "reading label volumes")
     field, T_lps_grid = _even_field(mask, T_lps_voxel, settings.spacing_m)
     volume_m3 = int(mask.sum()) * abs(float(np.linalg.det(T_lps_voxel[:3, :3])))
     cell_m3 = abs(float(np.linalg.det(T_lps_grid[:3, :3])))

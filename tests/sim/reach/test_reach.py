@@ -243,4 +243,4 @@ def test_the_pages_commands_are_understood_and_its_modules_exist() -> None:
     assert {type(options) for options in parsed} == {ReachOptions, IkOptions}
     named = set(re.findall(r"`(?:sim/world/)?([a-z_]+\.py)`", page))
     assert len(named) >= 4
-    assert named <= {path.name for path in (ROOT / "sim" / "world").glob("*.py")}
+    assert named <= {path.name for path in (ROOT / "sim" / "world").rglob("*.py")}

@@ -46,7 +46,7 @@ class CaseFiles:
     unit: Unit = "mm"
     """Unit of meshes."""
     frame: MeshFrame = "auto"
-    """Axes of meshes: lps, ras, or auto for what the file says, else lps."""
+    """Axes of meshes: lps, ras, or auto for what the file says, and lps where it says nothing."""
     labels: LabelChoice = field(default_factory=LabelChoice)
     """What the labels of volumes mean."""
     spacing_m: tuple[float, float, float] | None = None
@@ -63,7 +63,7 @@ class LoadedAnatomy:
         tumour_names: What to call each.
         targets: The bodies of a second class to be mapped.
         target_names: What to call each.
-        structures: What else there is.
+        structures: Vessels and other structures.
         notices: One sentence for each repair, assumption and remarkable property.
     """
 
@@ -129,6 +129,7 @@ def _with_files(
 
 
 def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledAnatomy:
+    """The anatomy that the organ's label volume holds; adds to the notices."""
     coding, remarks = coding_of(volume, files.labels, files.organ)
     found = anatomy_of(volume, coding, files.organ)
     said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
@@ -137,7 +138,7 @@ def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledA
 
 
 def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
-    """What is to be said of the size of an organ from a volume."""
+    """What there is to say of the size of an organ from a volume."""
     remarks = remarks_on_size(organ.volume_m3, "organ")
     if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
         remarks.append(
@@ -148,7 +149,7 @@ def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
 
 
 def _refuse_labels(files: CaseFiles) -> None:
-    """Nothing, unless labels are asked for of a mesh.
+    """Nothing, unless labels are named and there is only a mesh.
 
     Raises:
         MeshError: They are.
@@ -188,6 +189,7 @@ def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) 
 
 
 def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: bool) -> Structure:
+    """The structure that a mesh or a mask holds; adds to the notices."""
     name = Path(file).name.split(".")[0]
     if not is_volume(file):
         surface = load_surface(file, files.unit, frame=files.frame)

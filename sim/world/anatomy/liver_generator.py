@@ -2,8 +2,8 @@
 
     python -m sim.world.anatomy.liver_generator --seed 3 --out liver.stl
 
-The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ about as much as its
-do. It needs the optional package of `pip install 'sounding[generate]'`.
+The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ
+about as much as those of its livers. It needs the optional package of `pip install 'sounding[generate]'`.
 """
 
 import argparse
@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label
-from skimage import measure  # it loads itself when it is first used
+from skimage import measure
 
 from sim.world.errors import GeneratorError
 from sim.world.meshes.decimation import HASTE
@@ -32,7 +32,7 @@ VOLUME_SPREAD_M3 = 0.447e-3
 """Its standard deviation [m^3]."""
 
 VOLUME_RANGE_M3 = (0.75e-3, 3.2e-3)
-"""Volumes that are drawn [m^3]: those of adult livers that are not grossly enlarged, 99 % of the published spread."""
+"""Range of the volumes drawn [m^3]: adult livers that are not grossly enlarged, 99 % of the published spread."""
 
 BOX_MM = np.array([[-145.0, 165.0], [-125.0, 130.0], [-160.0, 135.0]])
 """The lattice's extent in x, y and z [mm]: shapes near the template with their warp, and a margin."""
@@ -41,7 +41,7 @@ NEAR_TEMPLATE = 2.5
 """Shapes that deviate further in anything take a wider lattice."""
 
 WIDER_MM = 20.0
-"""By so much at each of its ends [mm]."""
+"""The lattice is then longer by this at each of its ends [mm]."""
 
 SPACING_MM = 2.2
 """Lattice spacing [mm]: fine enough for the fissures."""
@@ -53,7 +53,7 @@ N_TRIANGLES = 8000
 """Triangles kept by default: the surface then moves by about 0.1 mm."""
 
 N_SPARE_TRIANGLES = 8
-"""Triangles below the limit that are aimed for, as the simplification may end a few above its aim."""
+"""The simplification aims at so many triangles below the limit, as it may end a few above its aim."""
 
 MAX_ATTEMPTS = 10
 """Shapes drawn before giving up; about one in ten is pierced where it is thinnest."""

@@ -42,12 +42,9 @@ class Kinematics:
         self._frame = mink.FrameTask(
             scene.tip_site,
             "site",
-            position_cost=1.0,  # [1 / m]
-            orientation_cost=[
-                AXIS_WEIGHT_M,
-                AXIS_WEIGHT_M,
-                0.0,
-            ],  # [1 / rad], the roll about the beam is free
+            # Costs per metre and per radian; the last is that of the roll about the beam, which is free.
+            position_cost=1.0,
+            orientation_cost=[AXIS_WEIGHT_M, AXIS_WEIGHT_M, 0.0],
             lm_damping=1e-6,
         )
         self._posture = mink.PostureTask(scene.model, cost=self.settings.posture_cost)
@@ -73,7 +70,7 @@ class Kinematics:
         return self.solve_many(np.asarray(position_m)[None], np.asarray(normal)[None])[0]
 
     def solve_many(self, positions_m: NDArray[np.float64], normals: NDArray[np.float64]) -> list[IkResult]:
-        """The answers to many poses, each as `solve` gives it, in far less time than one after the other.
+        """The answers to many poses, each as `solve` gives it, in far less time than one after another.
 
         Args:
             positions_m: Where the tip touches, world frame [m], shape (N, 3).
@@ -96,7 +93,8 @@ class Kinematics:
             return found
         if (polished := self._polished(found, position_m, normal)) is not None:
             return polished
-        return self._strict.search(position_m[None], normal[None]).results[0]  # at the very rim of the reach
+        # At the very rim of the reach mink may fail where a search with its tolerances does not.
+        return self._strict.search(position_m[None], normal[None]).results[0]
 
     def _polished(
         self, found: IkResult, position_m: NDArray[np.float64], normal: NDArray[np.float64]
@@ -130,7 +128,7 @@ class Kinematics:
     def _converge(
         self, q_start: NDArray[np.float64], position_m: NDArray[np.float64], normal: NDArray[np.float64]
     ) -> IkResult:
-        """Iterate differential IK from one start until within tolerance; contacts are not looked at."""
+        """Where steps of mink from one start end, within tolerance or not; contacts are not looked at."""
         settings, configuration = self.settings, self._configuration
         configuration.update(q_start)
         self._posture.set_target(q_start)

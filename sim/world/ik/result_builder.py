@@ -14,7 +14,7 @@ from .result import IkResult, IkStatus
 from .settings import IkSettings
 
 NEAR_TOLERANCES = 10.0
-"""Within this many tolerances of the position it is the beam that fails."""
+"""Where the tip is within this many tolerances of the position, it is the beam that fails."""
 
 
 class ResultBuilder:
@@ -72,7 +72,8 @@ class ResultBuilder:
         """Why an attempt ended before the pose, or before the stand-off above it."""
         settings, is_there = self._settings, bool(attempts.is_there[row])
         at_m = position_m - settings.standoff_m * normal if is_there else position_m
-        q = attempts.q_standoff[row]  # equal to that at the pose where the pose was never reached
+        # Where the pose was never reached, these are the joints at the pose.
+        q = attempts.q_standoff[row]
         state = self._chain.forward(q[None])
         distance_m, angle_rad = (float(e[0]) for e in pose_errors(state, at_m[None], normal[None]))
         text = f"{'Above the pose' if is_there else 'At the pose'} the closest is {distance_m * 1e3:.1f} mm"

@@ -65,7 +65,7 @@ class Answers:
 
 
 class IkSearch:
-    """Solves sensing poses in batches for the arm of a scene. The answer to a pose depends on the pose alone."""
+    """Solves sensing poses in batches for the arm of a scene. The answer to a pose depends on nothing but the pose."""
 
     def __init__(self, scene: Scene, clearance: Clearance, settings: IkSettings | None = None) -> None:
         """Read the arm's chain and draw the set of starts."""
@@ -90,7 +90,7 @@ class IkSearch:
     def at_base(self, T_world_base: Array) -> IkSearch:
         """The same search with the arm's base elsewhere, at a frame of shape (4, 4).
 
-        The starts are those of this one, carried along; what they touch at the new place is not looked at, since every
+        The starts are those of this one, carried along. They are not checked for contacts at the new place, since every
         answer is.
         """
         other = copy.copy(self)
@@ -116,9 +116,9 @@ class IkSearch:
         )
 
     def too_far_m(self, positions_m: Array, normals: Array) -> Array:
-        """How far poses lie beyond the stretched arm [m], shape (N,); 0 or less decides nothing.
+        """How far poses lie beyond the stretched arm [m], shape (N,); of 0 or less nothing follows.
 
-        The last joint lies beside the beam at a known height, so where it must be is known from the pose alone.
+        The last joint lies beside the beam at a known height, so the pose tells where it must be.
         """
         height_m, beside_m = self._hub
         shoulder_m, reach_m = self._reach

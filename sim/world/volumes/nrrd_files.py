@@ -49,7 +49,7 @@ def read_nrrd(path: Path) -> Grid:
 
 
 def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], list[str]]:
-    """Voxel indices to LPS metres, for the first three axes that lie in space."""
+    """The map of voxel indices to LPS metres, of the first three axes that lie in space, and notices."""
     notices: list[str] = []
     space = str(header.get("space", "")).lower().replace(" ", "-")
     known = {"left-posterior-superior": (1, 1, 1), "lps": (1, 1, 1), "right-anterior-superior": (-1, -1, 1)}
@@ -80,7 +80,7 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
 
 
 def _segment_names(header: dict[str, Any]) -> dict[int, str]:
-    """Names that 3D Slicer gives the labels in a .seg.nrrd."""
+    """The names that 3D Slicer gives the labels in a .seg.nrrd."""
     names = {}
     for index in range(1000):
         name, value = header.get(f"Segment{index}_Name"), header.get(f"Segment{index}_LabelValue")
@@ -92,7 +92,7 @@ def _segment_names(header: dict[str, Any]) -> dict[int, str]:
 
 
 def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:
-    """Parts of voxels that are in memory."""
+    """Voxels that are in memory, in parts of `n` layers."""
     whole = values.reshape(tuple(size for axis, size in enumerate(shape) if axis < 3 or size != 1), order="F")
     for first in range(0, whole.shape[2], n):
         yield whole[:, :, first : first + n]

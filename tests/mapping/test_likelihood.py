@@ -69,7 +69,7 @@ def test_expected_label_is_bayes_rule():
 
 @pytest.mark.parametrize("rates", [(-0.1, 0.0), (0.5, 0.5), (np.nan, 0.0)])
 def test_rates_that_are_no_rates_are_refused(rates):
-    with pytest.raises(ValueError, match="false_positive_rate and false_negative_rate"):
+    with pytest.raises(ValueError, match="`false_positive_rate` and `false_negative_rate`"):
         MapSettings(false_positive_rate=rates[0], false_negative_rate=rates[1])
 
 

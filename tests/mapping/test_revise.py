@@ -47,14 +47,14 @@ def test_two_orders_of_the_same_readings_agree_once_revised():
 def test_sweeps_bring_the_orders_of_a_low_prior_closer_each_time():
     told = list(readings())
     forward, backward = (learn(make_map(prior_prevalence=0.02), order) for order in (told, told[::-1]))
-    clearances = [order_gap(forward, backward)]
+    gaps = [order_gap(forward, backward)]
     for _ in range(3):
         forward.revise()
         backward.revise()
-        clearances.append(order_gap(forward, backward))
+        gaps.append(order_gap(forward, backward))
     # The rounds shrink a xi slowly where the prior's mean is far from zero, but every sweep helps.
-    assert clearances[0] > clearances[1] > clearances[2] > clearances[3]
-    assert clearances[3] < clearances[0] / 2
+    assert gaps[0] > gaps[1] > gaps[2] > gaps[3]
+    assert gaps[3] < gaps[0] / 2
 
 
 def test_a_revised_belief_is_the_posterior_under_its_lambdas():

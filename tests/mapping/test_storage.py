@@ -114,7 +114,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         ({"version": np.array(99)}, "of version 99"),
         ({"mean": None}, "'mean' is missing"),
         ({"settings": None}, "'settings' is missing"),
-        ({"settings": np.array('{"gamma_per_m2": -1}')}, "gamma_per_m2 must be positive"),
+        ({"settings": np.array('{"gamma_per_m2": -1}')}, "`gamma_per_m2` must be positive"),
         ({"mean": np.zeros(3)}, r"'mean' has shape \(3,\)"),
         ({"mean": np.inf}, "'mean' is not finite"),
         ({"covariance": -1.0}, "not positive definite"),

@@ -281,13 +281,13 @@ def test_clusters_are_counted():
 
 
 def test_options_out_of_range_and_a_missing_belief_are_refused():
-    with pytest.raises(PlannerError, match="margin_m must be above 0"):
+    with pytest.raises(PlannerError, match="`margin_m` must be above 0"):
         FindAndOutline(margin_m=0.0)
     with pytest.raises(PlannerError, match="fading"):
         FindAndOutline(fading=1.0)
     with pytest.raises(PlannerError, match="travel_weight"):
         FindAndOutline(travel_weight=-1.0)
-    with pytest.raises(PlannerError, match="batch must be 1 to 12"):
+    with pytest.raises(PlannerError, match="`batch` must be 1 to 12"):
         FindAndOutline(batch=13)
     with pytest.raises(ValueError, match="a tour has 1 to 12 stops"):
         shortest_tour([], [])

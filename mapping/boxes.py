@@ -13,8 +13,11 @@ class Box(NamedTuple):
     """A box aligned with the axes, as whole steps of a grid through the origin."""
 
     low: tuple[int, int, int]
+    """Lowest corner [steps]."""
     high: tuple[int, int, int]
+    """Highest corner [steps]."""
     step_m: float
+    """Length of a step [m]."""
 
     @property
     def low_m(self) -> NDArray[np.float64]:

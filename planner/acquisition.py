@@ -47,7 +47,8 @@ def expected_improvement(
     improvement, deviation = _improvement_and_deviation(mean, variance, incumbent, xi)
     z = improvement / deviation
     density = np.exp(-0.5 * z**2 - _LOG_ROOT_TWO_PI)
-    return np.maximum(improvement * ndtr(z) + deviation * density, 0.0)  # rounding may leave -1e-17
+    # Rounding may leave -1e-17.
+    return np.maximum(improvement * ndtr(z) + deviation * density, 0.0)
 
 
 def log_expected_improvement(

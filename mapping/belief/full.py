@@ -33,15 +33,22 @@ from .samples import WeightSamples
 from .tiled_covariance import TiledCovariance
 from .variational import fit_reading, refit_reading
 
-# What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
-# error in probability after 50 readings (docs/map.md shows the table).
-_PIVOT_TOLERANCE = 1.0  # share of |phi|^2 of a point's features that does not follow from the pivots
-_ROOT_TOLERANCE = 1.0  # variance of the latent at a pivot that does not follow from the others
-_ROW_TOLERANCE = 0.03  # fall of a weight's variance
-_SHRINKAGE_TOLERANCE = 1000.0  # share of a direction's variance that the reading takes away
-_FEATURE_CUTOFF = 10.0  # features of a reading
-_QUERY_CUTOFF = 0.01  # terms of the variance at a query point
-_MARGIN_CUTOFF = 1e4  # features beyond the touched weights, whose own fall is as small as _ROW_TOLERANCE
+# The seven constants below say what may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it
+# began to add to the error in probability after 50 readings (docs/map.md shows the table).
+_PIVOT_TOLERANCE = 1.0
+"""Share of |phi|^2 of a point's features that does not follow from the pivots."""
+_ROOT_TOLERANCE = 1.0
+"""Variance of the latent at a pivot that does not follow from the others."""
+_ROW_TOLERANCE = 0.03
+"""Fall of a weight's variance."""
+_SHRINKAGE_TOLERANCE = 1000.0
+"""Share of a direction's variance that the reading takes away."""
+_FEATURE_CUTOFF = 10.0
+"""Features of a reading."""
+_QUERY_CUTOFF = 0.01
+"""Terms of the variance at a query point."""
+_MARGIN_CUTOFF = 1e4
+"""Features beyond the touched weights, whose own fall is as small as `_ROW_TOLERANCE`."""
 
 
 class FullBelief(Belief):
@@ -92,7 +99,8 @@ class FullBelief(Belief):
     ) -> LearningReport:
         """Takes in a reading; see `Belief.learn`, and the module for the formulas."""
         reduction = self._reduce(points_m)
-        if not reduction.hinges.size:  # the reading lies beyond all hinges
+        # A reading beyond all hinges touches no weight.
+        if not reduction.hinges.size:
             return LearningReport(0, 0, bound_curvature(offset))
         coordinates = self._coordinates(reduction, offset)
         reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
@@ -208,7 +216,7 @@ class FullBelief(Belief):
         return touched.size
 
     def _smallest_share(self) -> float:
-        # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
+        # Rounding makes about 1e-16 of a shrinkage of zero, far less than a variance could be.
         return max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15)
 
     def _shrinkage_root(self, factor: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ f = m + B z with z ~ N(0, I) before the reading:
 
     D      = I + 2 B^T diag(lambda(xi)) B                                     (the posterior N(z', D^-1))
     D z'   = B^T (y - 1/2 - 2 lambda(xi) m)
-    xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2                              (b_n here: row n of B)
+    xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2                              (b_n is row n of B here)
 
 Three things are ours and not the paper's: the offset b (zero under its prior), expected labels in place of y where the
 sensor errs (`expected_label`), and where the rounds begin (`fit_reading`).

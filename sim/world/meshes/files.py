@@ -86,6 +86,18 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
         ) from error
+    vertices, faces = _checked(path, content, vertices, faces)
+    return vertices, faces, content
+
+
+def _checked(
+    path: Path, content: bytes, vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The vertices that faces use, and the faces over these.
+
+    Raises:
+        MeshError: They are no triangles in space, or there is none.
+    """
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
         raise MeshError(f"{path}: holds no triangles in space; export a surface of triangles")
     if len(faces) == 0:
@@ -99,7 +111,7 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
         raise MeshError(
             f"{path}: {n_bad} of {len(vertices)} vertices are NaN or infinite; export the mesh again"
         )
-    return vertices, faces, content
+    return vertices, faces
 
 
 def _check_whole(path: Path, content: bytes) -> None:

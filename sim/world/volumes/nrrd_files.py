@@ -18,6 +18,16 @@ from .grid import METRES_PER_UNIT, Grid
 CHUNK_BYTES = 1 << 20
 """Packed bytes that are read at once."""
 
+LPS_SIGNS = {
+    "left-posterior-superior": (1, 1, 1),
+    "lps": (1, 1, 1),
+    "right-anterior-superior": (-1, -1, 1),
+    "ras": (-1, -1, 1),
+    "left-anterior-superior": (1, -1, 1),
+    "las": (1, -1, 1),
+}
+"""What turns the axes of a header's space to LPS."""
+
 
 def read_nrrd(path: Path) -> Grid:
     """The grid of a .nrrd or .nhdr file. No voxel is read before the grid's layers are taken.
@@ -52,13 +62,11 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
     """The map of voxel indices to LPS metres, of the first three axes that lie in space, and notices."""
     notices: list[str] = []
     space = str(header.get("space", "")).lower().replace(" ", "-")
-    known = {"left-posterior-superior": (1, 1, 1), "lps": (1, 1, 1), "right-anterior-superior": (-1, -1, 1)}
-    known |= {"ras": (-1, -1, 1), "left-anterior-superior": (1, -1, 1), "las": (1, -1, 1)}
-    if space not in known:
+    if space not in LPS_SIGNS:
         notices.append(
             "the header names no patient axes that are known; LPS is assumed: check left and right"
         )
-    flip = np.diag(np.array(known.get(space, (1, 1, 1)), dtype=np.float64))
+    flip = np.diag(np.array(LPS_SIGNS.get(space, (1, 1, 1)), dtype=np.float64))
     unit = METRES_PER_UNIT.get(str((header.get("space units") or ["mm"])[0]), 1e-3)
     T = np.eye(4)
     if header.get("space directions") is not None:

@@ -1,4 +1,8 @@
-"""The belief over where tumours are: a sequential Bayesian Hilbert map, and the metrics of a map."""
+"""The belief over where tumours are: a sequential Bayesian Hilbert map, and the metrics of a map.
+
+`HilbertMap` is the paper's map, `DetailedMap` lays finer ones into it where tumour was sensed, and `TumourMap` is what
+a map of one's own has to offer. `belief/` holds the algebra.
+"""
 
 from .belief.belief import UpdateReport
 from .detailed_map import DetailedMap

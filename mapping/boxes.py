@@ -13,8 +13,11 @@ class Box(NamedTuple):
     """A box aligned with the axes, as whole steps of a grid through the origin."""
 
     low: tuple[int, int, int]
+    """Lowest corner [steps]."""
     high: tuple[int, int, int]
+    """Highest corner [steps]."""
     step_m: float
+    """Length of a step [m]."""
 
     @property
     def low_m(self) -> NDArray[np.float64]:
@@ -33,7 +36,7 @@ class Box(NamedTuple):
 
 
 def boxes_around(points_m: NDArray[np.float64], *, margin_m: float, step_m: float) -> list[Box]:
-    """Boxes that hold each cluster of points with a margin around it.
+    """The boxes that hold each cluster of points with a margin around it; boxes of different clusters may overlap.
 
     Points belong to one cluster when the cubes of side `step_m` that hold them touch.
 
@@ -48,7 +51,8 @@ def boxes_around(points_m: NDArray[np.float64], *, margin_m: float, step_m: floa
     first = cubes.min(axis=0)
     is_taken = np.zeros(cubes.max(axis=0) - first + 1, dtype=bool)
     is_taken[tuple((cubes - first).T)] = True
-    numbered: Any = label(is_taken, structure=np.ones((3, 3, 3)))  # the stubs know one of its two forms
+    # The stubs know one of the two forms of its result.
+    numbered: Any = label(is_taken, structure=np.ones((3, 3, 3)))
     cluster_of = numbered[0][tuple((cubes - first).T)]
     boxes = []
     for number in range(1, int(numbered[1]) + 1):

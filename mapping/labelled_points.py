@@ -1,4 +1,4 @@
-"""Labelled points of a reading, and which of its tumour labels can be believed."""
+"""The labelled points of a reading, and which of its tumour labels can be believed."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from scipy.spatial import KDTree
 from scipy.special import bdtrc
 
 _N_NEIGHBOURS = 8
-"""Points asked, itself included, about a tumour label."""
+"""Number of points, the labelled one included, whose labels decide about a tumour label."""
 _CHANCE = 1e-3
-"""A label is believed where as many neighbours say so as false labels would less often than this."""
+"""A label is believed where false labels would agree with it, among its neighbours, less often than this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +28,8 @@ class LabelledPoints:
     def believed_tumour_m(self, false_positive_rate: float) -> NDArray[np.float64]:
         """The points called tumour [m] that chance does not explain, shape (B, 3).
 
-        Of the K points around one, itself included, m are called tumour; false labels alone do that with
-        P(Binomial(K, rate) >= m). Without false labels every tumour label is believed.
+        Of the 8 points nearest to one, itself included, m are called tumour; with no tumour there, false labels do
+        that with probability P(Binomial(8, rate) >= m). Without false labels every tumour label is believed.
 
         Args:
             false_positive_rate: Share of free points that the sensor is believed to call tumour.
@@ -38,7 +38,8 @@ class LabelledPoints:
         if false_positive_rate <= 0.0 or not len(occupied_m):
             return occupied_m
         n = min(_N_NEIGHBOURS, len(self.points_m))
-        _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType], the stubs know a number only
+        # A list of neighbours keeps the shape (B, n) where n is 1; the stubs know only a number.
+        _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType]
         n_called = self.is_occupied[nearest].sum(axis=1)
         return occupied_m[bdtrc(n_called - 1, n, false_positive_rate) < _CHANCE]
 

@@ -1,13 +1,17 @@
-"""The logistic likelihood of a label, its Gaussian lower bound, and the probability that a Gaussian latent
-gives.
+"""The logistic likelihood of a label, its Gaussian lower bound, and the probability that a Gaussian latent gives.
 
-The bound of Jaakkola and Jordan (2000), which Senanayake and Ramos (2017) use for Hilbert maps, is for f
-the latent
+The likelihood is the paper's (section IV-B), with an offset b(x) in the latent that is zero under its prior:
 
-    log sigma((2y - 1) f) >= (y - 1/2) f - lambda(xi) (f^2 - xi^2) - xi / 2 + log sigma(xi),
-    lambda(xi) = (sigma(xi) - 1/2) / (2 xi) = tanh(xi / 2) / (4 xi),
+    P(y = 1 | x, w) = sigma(f(x)),   f(x) = b(x) + phi(x) . w
 
-tight at xi^2 = E[f^2], so that each label acts as a Gaussian observation of f with precision 2 lambda(xi).
+The posterior of w is no Gaussian. The paper refers to Senanayake and Ramos (2017) for a Gaussian in its place, and they
+use the bound of Jaakkola and Jordan (2000), for labels y of 0 or 1:
+
+    log P(y | f) >= (y - 1/2) f - lambda(xi) (f^2 - xi^2) - xi / 2 + log sigma(xi),
+    lambda(xi) = (sigma(xi) - 1/2) / (2 xi) = tanh(xi / 2) / (4 xi).
+
+The best xi is xi^2 = E[f^2]. The bound is quadratic in f, so each label acts as a Gaussian observation of f with
+precision 2 lambda(xi). `belief/variational.py` learns a reading by it.
 """
 
 from __future__ import annotations
@@ -18,7 +22,7 @@ from scipy.special import expit
 
 
 def bound_curvature(xi: ArrayLike) -> NDArray[np.float64]:
-    """Returns lambda(xi) of the bound, 1/8 at xi = 0."""
+    """The bound's lambda(xi) = tanh(xi / 2) / (4 xi), 1/8 at xi = 0, in the shape of xi."""
     xi = np.abs(np.asarray(xi, dtype=np.float64))
     # Below 1e-4 the series 1/8 - xi^2 / 96 is exact to rounding and has no 0/0.
     is_small = xi < 1e-4
@@ -27,31 +31,43 @@ def bound_curvature(xi: ArrayLike) -> NDArray[np.float64]:
 
 
 def agreed_mean(latent_mean: NDArray[np.float64], labels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the latent's mean where the label lies on its side of zero, else 0: the start of xi.
+    """The latent's mean where the label is on the same side of zero, and 0 elsewhere, shape (n,): for the first xi.
 
-    The rounds shrink a xi slowly, and one from a mean that the label contradicts lies far above where they
-    end.
+    The rounds shrink a xi slowly, and one that starts from a mean which the label contradicts lies far above where
+    they end.
+
+    Args:
+        latent_mean: Mean of the latent at each point, shape (n,).
+        labels: Their labels, 0 or 1 or between, shape (n,).
     """
     return np.where((latent_mean > 0) == (labels > 0.5), latent_mean, 0.0)
 
 
 def moderation(latent_variance: ArrayLike) -> NDArray[np.float64]:
-    """Returns kappa(v) = 1 / sqrt(1 + pi v / 8), which pulls a probability to 1/2 as the latent's variance
-    v grows.
-    """
+    """MacKay's kappa(v) = 1 / sqrt(1 + pi v / 8): it pulls a probability to 1/2 as the latent's variance v grows."""
     return 1 / np.sqrt(1 + np.pi / 8 * np.asarray(latent_variance, dtype=np.float64))
 
 
 def occupancy_probability(latent_mean: ArrayLike, latent_variance: ArrayLike) -> NDArray[np.float64]:
-    """Returns E[sigma(f)] for a Gaussian latent f, by MacKay's approximation sigma(kappa(v) m)."""
+    """The probability of occupancy E[sigma(f)] of a Gaussian latent f, by MacKay's approximation sigma(kappa(v) m).
+
+    The paper writes P(y | x*, w) for it; here w is averaged over its belief.
+
+    Args:
+        latent_mean: Mean m of the latent at each point, shape (N,).
+        latent_variance: Its variance v, shape (N,).
+    """
     return expit(moderation(latent_variance) * np.asarray(latent_mean, dtype=np.float64))
 
 
 def prior_offset(prevalence: float, latent_variance: ArrayLike) -> NDArray[np.float64]:
-    """Returns the latent's prior mean b with which a point of the given prior variance expects the given
-    prevalence.
+    """The offset b with which the map without readings expects a prevalence, in the shape of the variance.
 
     It solves sigma(kappa(v) b) = prevalence; a prevalence of 1/2 gives 0, the paper's prior.
+
+    Args:
+        prevalence: Share of the organ that is expected to be tumour, between 0 and 1.
+        latent_variance: The latent's prior variance v at each point.
     """
     return np.log(prevalence / (1 - prevalence)) / moderation(latent_variance)
 
@@ -59,11 +75,11 @@ def prior_offset(prevalence: float, latent_variance: ArrayLike) -> NDArray[np.fl
 def label_log_odds(
     is_occupied: NDArray[np.float64], false_positive_rate: float, false_negative_rate: float
 ) -> NDArray[np.float64]:
-    """Returns log P(label | tumour) / P(label | free) for each label, infinite where a label cannot be wrong.
+    """What each label says: log P(label | tumour) / P(label | free), shape (n,), infinite where it cannot be wrong.
 
     Args:
         is_occupied: Labels as the sensor gave them, shape (n,).
-        false_positive_rate: Share of free points that the sensor calls occupied.
+        false_positive_rate: Share of free points that the sensor calls tumour.
         false_negative_rate: Share of tumour points that the sensor calls free.
     """
     with np.errstate(divide="ignore"):
@@ -73,10 +89,13 @@ def label_log_odds(
 
 
 def expected_label(latent_mean: ArrayLike, log_odds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the probability that a point is truly occupied given its label and the latent's mean.
+    """The probability that each point truly is tumour, given its label and the latent's mean, shape (n,).
 
-    With the true label z unknown, the bound is linear in z, so its expectation takes the place of the
-    label; the best
-    q(z) under the bound has the log odds E[f] + log P(label | z = 1) / P(label | z = 0).
+    Where labels may be wrong, the true label z is unknown. The bound is linear in z, so the expectation of z takes
+    the label's place. The best q(z) under the bound has log odds E[f] + log P(label | z = 1) / P(label | z = 0).
+
+    Args:
+        latent_mean: E[f] at each point, shape (n,), or one value for all.
+        log_odds: What each label says, from `label_log_odds`, shape (n,).
     """
     return expit(np.asarray(latent_mean, dtype=np.float64) + log_odds)

@@ -1,4 +1,4 @@
-"""How good a map is, against the truth at the points of a scoring lattice."""
+"""The metrics of a map: how good it is against the truth at the points of a lattice."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .prediction import Prediction
 
 @dataclass(frozen=True, kw_only=True)
 class MapMetrics:
-    """Scores of a map; the lower the better but for `auprc` and `dice`."""
+    """Scores of a map; `auprc` and `dice` are better when they are higher, the others when they are lower."""
 
     n_points: int
     """Number of points scored."""
@@ -32,20 +32,26 @@ class MapMetrics:
 
 @dataclass(frozen=True, eq=False)
 class PrecisionRecallCurve:
-    """Precision and recall at each distinct threshold, from the highest down; starts at recall 0 and
-    precision 1.
-    """
+    """Precision and recall at each distinct threshold, from the highest down, after a first entry of recall 0."""
 
     precision: NDArray[np.float64]
-    """True positives among the points called occupied."""
+    """Share of true positives among the points called occupied; 1 in the first entry, where none is."""
     recall: NDArray[np.float64]
-    """True positives among the points that are occupied."""
+    """Share of true positives among the points that are occupied."""
     threshold: NDArray[np.float64]
     """Score from which a point is called occupied; infinite for the first entry."""
 
 
 def evaluate_map(prediction: Prediction, is_occupied: ArrayLike) -> MapMetrics:
-    """Returns the scores of a prediction against the truth at the same points, shape (N,)."""
+    """The scores of a prediction against the truth at the same points.
+
+    Args:
+        prediction: What a map says of N points.
+        is_occupied: The truth, shape (N,).
+
+    Raises:
+        ValueError: If the truth is not one label per point, or a score is not finite.
+    """
     truth = _check_truth(is_occupied, prediction.latent_mean)
     probability = prediction.probability
     return MapMetrics(
@@ -60,11 +66,11 @@ def evaluate_map(prediction: Prediction, is_occupied: ArrayLike) -> MapMetrics:
 
 
 def precision_recall_curve(score: ArrayLike, is_occupied: ArrayLike) -> PrecisionRecallCurve:
-    """Returns the precision-recall curve of a ranking; points of equal score enter together.
+    """The precision-recall curve of a ranking; points of equal score enter together.
 
     Args:
         score: Anything that ranks the points, shape (N,); use the latent score, since probabilities
-        saturate into ties.
+            saturate into ties.
         is_occupied: The truth, shape (N,), with at least one occupied point.
 
     Raises:
@@ -86,8 +92,11 @@ def precision_recall_curve(score: ArrayLike, is_occupied: ArrayLike) -> Precisio
 
 
 def average_precision(score: ArrayLike, is_occupied: ArrayLike) -> float | None:
-    """Returns the average precision, sum over thresholds of (R_k - R_{k-1}) P_k; None without an occupied
-    point.
+    """The average precision, the sum over thresholds of (R_k - R_{k-1}) P_k; None without an occupied point.
+
+    Args:
+        score: Anything that ranks the points, shape (N,).
+        is_occupied: The truth, shape (N,).
     """
     scores = np.asarray(score, dtype=np.float64)
     if not _check_truth(is_occupied, scores).any():
@@ -97,15 +106,24 @@ def average_precision(score: ArrayLike, is_occupied: ArrayLike) -> float | None:
 
 
 def log_loss(logit: ArrayLike, is_occupied: ArrayLike) -> float:
-    """Returns the mean of -log P(true label) [nat], from logits so that no probability saturates."""
+    """The mean of -log P(true label) [nat], from logits so that no probability saturates.
+
+    Args:
+        logit: Logit of the probability of occupancy at each point, shape (N,).
+        is_occupied: The truth, shape (N,).
+    """
     logits = np.asarray(logit, dtype=np.float64)
     truth = _check_truth(is_occupied, logits)
     return float(np.mean(np.logaddexp(0, np.where(truth, -logits, logits))))
 
 
 def expected_calibration_error(probability: ArrayLike, is_occupied: ArrayLike, *, n_bins: int = 15) -> float:
-    """Returns the mean |mean probability - observed share| over bins that hold equally many points (equal
-    mass).
+    """The mean of |mean probability - observed share| over bins that hold equally many points.
+
+    Args:
+        probability: Probability of occupancy at each point, shape (N,).
+        is_occupied: The truth, shape (N,).
+        n_bins: Number of bins; fewer where there are fewer points.
     """
     probabilities = np.asarray(probability, dtype=np.float64)
     truth = _check_truth(is_occupied, probabilities)
@@ -114,12 +132,17 @@ def expected_calibration_error(probability: ArrayLike, is_occupied: ArrayLike, *
     share = (np.bincount(group, weights=truth) / np.bincount(group))[group]
     order = np.argsort(probabilities, kind="stable")
     bins = np.array_split(order, min(n_bins, order.size))
-    clearances = [abs(float(probabilities[part].mean() - share[part].mean())) * part.size for part in bins]
-    return float(np.sum(clearances) / order.size)
+    gaps = [abs(float(probabilities[part].mean() - share[part].mean())) * part.size for part in bins]
+    return float(np.sum(gaps) / order.size)
 
 
 def dice(is_called_occupied: ArrayLike, is_occupied: ArrayLike) -> float | None:
-    """Returns the Dice overlap of two sets of points, None when both are empty."""
+    """The Dice overlap 2 |A and B| / (|A| + |B|) of two sets of points, None when both are empty.
+
+    Args:
+        is_called_occupied: Which points are in the one, shape (N,).
+        is_occupied: Which are in the other, shape (N,).
+    """
     called = np.asarray(is_called_occupied, dtype=bool)
     truth = _check_truth(is_occupied, called)
     total = int(called.sum() + truth.sum())

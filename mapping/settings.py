@@ -1,4 +1,4 @@
-"""Settings of a Hilbert map: pure data, in SI units."""
+"""Settings of a Hilbert map and of the finer ones laid into it: pure data, in SI units."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ class MapSettings:
     hinge_spacing_m: float = 0.01125
     """Distance between neighbouring hinges [m]; the paper's 0.375 units of 30 mm."""
     gamma_per_m2: float = 4100.0
-    """gamma of the kernel exp(-gamma |x - h|^2) [1/m^2]: a kernel of 11 mm width, 1 / sqrt(2 gamma), whose
-    probabilities mean what they say (docs/map.md). The paper's 5 per squared unit of 30 mm are 9.5 mm.
+    """gamma of the kernel exp(-gamma |x - h|^2) (eq. 1) [1/m^2]. The default makes it 11 mm wide, 1 / sqrt(2 gamma), at
+    which its probabilities mean what they say (docs/map.md); the paper's 5 per squared unit of 30 mm make it 9.5 mm.
     """
     prior_prevalence: float = 0.02
     """Share of the organ that is expected to be tumour before any reading; 0.5 is the paper's."""
     weight_variance: float = 10.0
-    """Prior variance of each weight; with it the latent's standard deviation is about 2.3
-    sqrt(weight_variance). Tumours have sharp edges, which a small variance blurs: docs/map.md shows how much.
+    """Prior variance of each weight. The latent's standard deviation is then about 2.3 sqrt(weight_variance).
+    Tumours have sharp edges, which a small variance blurs: docs/map.md shows how much.
     """
     false_positive_rate: float = 0.0
-    """Share of free points that the sensor calls occupied."""
+    """Share of free points that the sensor calls tumour."""
     false_negative_rate: float = 0.0
     """Share of tumour points that the sensor calls free."""
     n_em_iterations: int = 4
-    """Rounds of the variational bound within one reading."""
+    """Rounds of EM within one reading."""
     form: Form = "full"
-    """`full` keeps the whole covariance of the weights; `local` only near its diagonal, for more than 5,000
-    hinges; `diagonal` their variances alone, which counts points many times.
+    """`full` keeps the whole covariance of the weights. `local` keeps it near its diagonal, for more than 5,000
+    hinges. `diagonal` keeps only their variances, and so counts points many times.
     """
     tolerance: float = 3e-6
     """Size of what the computation may leave out: smaller is slower and closer, 0 is exact to rounding."""
 
     @classmethod
     def paper(cls) -> MapSettings:
-        """Returns the settings of the paper: no prior knowledge of how much is tumour, 0.375 units, gamma = 5.
+        """The settings of the paper: no prior knowledge of how much is tumour, hinges 0.375 units apart, gamma = 5.
 
-        Of the prior variance the paper only says that it is high; 4 is our reading.
+        The paper says of the prior variance only that it is high; 4 is our reading.
         """
         return cls(
             hinge_spacing_m=0.01125, gamma_per_m2=5 / 0.03**2, prior_prevalence=0.5, weight_variance=4.0
@@ -56,15 +56,15 @@ class MapSettings:
         _check_positive("weight_variance", self.weight_variance)
         if not 0 < self.prior_prevalence < 1:
             raise ValueError(
-                f"prior_prevalence must lie between 0 and 1, both excluded, not {self.prior_prevalence}"
+                f"`prior_prevalence` must lie between 0 and 1, both excluded, not {self.prior_prevalence}"
             )
         _check_rates(self.false_positive_rate, self.false_negative_rate)
         if not (isinstance(self.n_em_iterations, int) and self.n_em_iterations >= 1):
             raise ValueError(
-                f"n_em_iterations must be a whole number of at least 1, not {self.n_em_iterations}"
+                f"`n_em_iterations` must be a whole number of at least 1, not {self.n_em_iterations}"
             )
         if self.form not in ("full", "local", "diagonal"):
-            raise ValueError(f"form must be 'full', 'local' or 'diagonal', not {self.form!r}")
+            raise ValueError(f"`form` must be 'full', 'local' or 'diagonal', not {self.form!r}")
         _check_tolerance(self.tolerance)
 
 
@@ -73,13 +73,13 @@ class InsetSettings:
     """How the finer maps are made that a `DetailedMap` lays in where tumour was sensed."""
 
     hinge_spacing_m: float = 0.005625
-    """Distance between neighbouring hinges [m], half of the coarse map's; gamma follows from it."""
+    """Distance between neighbouring hinges [m], by default half of the coarse map's; gamma follows from it."""
     margin_m: float = 0.008
     """A box reaches at least this far beyond the points called tumour [m]."""
     tolerance: float = 3e-5
-    """As `MapSettings.tolerance`; what the narrower kernel itself leaves open is far more."""
+    """What `MapSettings.tolerance` is to a map; the narrower kernel itself leaves far more open than this."""
     max_hinges: int = 2000
-    """A box that would need more gets hinges farther apart; from the coarse map's spacing on it is left out."""
+    """A box that would need more gets hinges farther apart; one that would need the coarse map's spacing gets none."""
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -87,17 +87,17 @@ class InsetSettings:
             _check_positive(name, getattr(self, name))
         _check_tolerance(self.tolerance)
         if self.max_hinges < 1:
-            raise ValueError(f"max_hinges must be at least 1, not {self.max_hinges}")
+            raise ValueError(f"`max_hinges` must be at least 1, not {self.max_hinges}")
 
 
 def _check_positive(name: str, value: float) -> None:
     if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} must be positive, not {value}")
+        raise ValueError(f"`{name}` must be positive and finite, not {value}")
 
 
 def _check_tolerance(tolerance: float) -> None:
     if not 0.0 <= tolerance <= 0.1:
-        raise ValueError(f"tolerance must lie between 0 (exact) and 0.1, not {tolerance}")
+        raise ValueError(f"`tolerance` must lie between 0 (exact) and 0.1, not {tolerance}")
 
 
 def _check_rates(false_positive_rate: float, false_negative_rate: float) -> None:
@@ -107,6 +107,6 @@ def _check_rates(false_positive_rate: float, false_negative_rate: float) -> None
         and false_positive_rate + false_negative_rate < 1
     ):
         raise ValueError(
-            "false_positive_rate and false_negative_rate must be at least 0 and add up to less than 1 "
+            "`false_positive_rate` and `false_negative_rate` must be at least 0 and add up to less than 1 "
             f"(at 1 a label says nothing), not {false_positive_rate} and {false_negative_rate}"
         )

@@ -34,9 +34,11 @@ class TumourMap(Protocol):
                 self.points_m = np.concatenate([self.points_m, points_m])
                 self.labels = np.append(self.labels, is_occupied)
 
-            def predict_lattice(self): ...  # returns Prediction.from_probability(...)
+            def predict_lattice(self):
+                return Prediction.from_probability(...)
 
-            def save(self, path): ...
+            def save(self, path):
+                np.savez(path, points_m=self.points_m, labels=self.labels)
 
     What the built-in maps offer besides is optional, and whoever uses it says so: `predict(points_m)`, the belief at
     any points; `revise(n_sweeps)`, which fits all readings again; `carry_samples(n_samples, rng=...)` and

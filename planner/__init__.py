@@ -1,5 +1,9 @@
-"""Where to sense next: the workspace of poses, acquisition functions, planners."""
+"""Where to sense next: the workspace of poses, what a planner may know, acquisition functions, and the planners.
 
+A planner ranks the workspace's poses, given a `Situation`; `Planner` is what one of one's own derives from.
+"""
+
+from .acquisition import expected_improvement, log_expected_improvement, probability_variance
 from .cone import Cone
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
@@ -7,7 +11,7 @@ from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
-from .registry import make_planner, planner_names
+from .registry import make_planner, planner_class, planner_names
 from .situation import Situation
 from .visibility import scattered_poses, visibility, visible_points
 from .workspace import Workspace
@@ -22,8 +26,12 @@ __all__ = [
     "RandomOrder",
     "Situation",
     "Workspace",
+    "expected_improvement",
+    "log_expected_improvement",
     "make_planner",
+    "planner_class",
     "planner_names",
+    "probability_variance",
     "scattered_poses",
     "visibility",
     "visible_points",

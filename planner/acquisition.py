@@ -1,8 +1,7 @@
 """Acquisition functions: how promising a value is, given its mean and variance.
 
-Expected improvement is eq. (2) of Cho, Hermans and Kuntz (2021), after Jones, Schonlau and Welch (1998). Its
-logarithm follows Ament et al., "Unexpected improvements to expected improvement for Bayesian optimization"
-(2023), eq. (9).
+Expected improvement is eq. 2 of Cho, Hermans and Kuntz (2021), after Jones, Schonlau and Welch (1998). Its logarithm
+follows Ament et al., "Unexpected improvements to expected improvement for Bayesian optimization" (2023), eq. 9.
 """
 
 import math
@@ -14,30 +13,33 @@ from scipy.special import erfcx, expit, ndtr
 from .errors import PlannerError
 
 VARIANCE_FLOOR = 1e-12
-"""Least variance used: its root, 1e-6, is far below any margin xi in use."""
+"""Least variance that counts: its root, 1e-6, is far below any margin xi in use."""
 N_QUADRATURE_NODES = 81
-"""Nodes for the moments of the probability, evenly over +-6 deviations: errors below 1e-5 up to a latent
-deviation of 10. The trapezoidal rule converges geometrically here; Gauss-Hermite at 40 nodes errs by 1e-2."""
+"""Nodes for the moments of the probability, evenly spaced over +-6 deviations: errors stay below 1e-5 up to a latent
+deviation of 10. The trapezoidal rule converges geometrically here; Gauss-Hermite with 40 nodes errs by 1e-2."""
 
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2.0 * math.pi)
 _LOG_ROOT_HALF_PI = 0.5 * math.log(0.5 * math.pi)
 _ASYMPTOTIC_BELOW = -1e4
-"""Standardised improvement below which 1 - sqrt(pi / 2) |z| erfcx(|z| / sqrt 2) is taken as 1 / z^2."""
+"""Standardised improvement z below which 1 - sqrt(pi / 2) |z| erfcx(|z| / sqrt 2) is taken to be 1 / z^2."""
 
 
 def expected_improvement(
     mean: ArrayLike, variance: ArrayLike, *, incumbent: float, xi: float = 0.01
 ) -> NDArray[np.float64]:
-    """Expected improvement of normal values over the incumbent, E[max(0, f - f+ - xi)], in the values' unit.
+    """The expected improvement of normal values over the incumbent (eq. 2), in the values' unit, shape (M,).
 
-    EI = (mu - f+ - xi) Phi(z) + sigma phi(z), z = (mu - f+ - xi) / sigma (eq. 2; the paper writes Sigma for
-    the standard deviation). With the deviation going to 0 it becomes max(0, mu - f+ - xi).
+        EI = (mu - f+ - xi) Phi(z) + sigma phi(z),   z = (mu - f+ - xi) / sigma   (eq. 2)
+
+    is E[max(0, f - f+ - xi)], for f normal with mean mu and deviation sigma, Phi and phi being the normal distribution
+    function and density. The paper writes Sigma in the second term for the same standard deviation sigma, and its
+    expectation leaves out the xi that its eq. 2 has. As the deviation goes to 0, EI goes to max(0, mu - f+ - xi).
 
     Args:
         mean: Means mu, shape (M,).
-        variance: Variances sigma^2, shape (M,); below VARIANCE_FLOOR they count as that.
-        incumbent: The best value so far, f+.
-        xi: Margin by which the incumbent has to be exceeded; larger explores more.
+        variance: Variances sigma^2, shape (M,); one below VARIANCE_FLOOR counts as that.
+        incumbent: The best value so far, f+, the paper's f(x+).
+        xi: Margin by which the incumbent has to be exceeded, the paper's 0.01; a larger one explores more.
 
     Raises:
         PlannerError: If an input is not finite.
@@ -45,20 +47,21 @@ def expected_improvement(
     improvement, deviation = _improvement_and_deviation(mean, variance, incumbent, xi)
     z = improvement / deviation
     density = np.exp(-0.5 * z**2 - _LOG_ROOT_TWO_PI)
-    return np.maximum(improvement * ndtr(z) + deviation * density, 0.0)  # rounding may leave -1e-17
+    # Rounding may leave -1e-17.
+    return np.maximum(improvement * ndtr(z) + deviation * density, 0.0)
 
 
 def log_expected_improvement(
     mean: ArrayLike, variance: ArrayLike, *, incumbent: float, xi: float = 0.01
 ) -> NDArray[np.float64]:
-    """Natural logarithm of the expected improvement, finite where the improvement itself underflows to 0.
+    """The natural logarithm of the expected improvement (eq. 2), finite where EI itself underflows to 0, shape (M,).
 
-    It has the same argmax and does not tie: with a confident tumour as the incumbent, everywhere else lies
-    tens of deviations below it.
+    It has the same argmax and does not tie: with a confident tumour as the incumbent, all other points lie tens of
+    deviations below it.
 
     Args:
         mean: Means mu, shape (M,).
-        variance: Variances sigma^2, shape (M,); below VARIANCE_FLOOR they count as that.
+        variance: Variances sigma^2, shape (M,); one below VARIANCE_FLOOR counts as that.
         incumbent: The best value so far, f+.
         xi: Margin by which the incumbent has to be exceeded.
 
@@ -70,7 +73,7 @@ def log_expected_improvement(
 
 
 def probability_variance(latent_mean: ArrayLike, latent_variance: ArrayLike) -> NDArray[np.float64]:
-    """Variance of the probability sigmoid(f) of a normal latent f, by quadrature, shape (M,).
+    """The variance of the probability sigma(f) of a normal latent f, by quadrature, shape (M,).
 
     Args:
         latent_mean: Latent means, shape (M,).
@@ -92,23 +95,23 @@ def probability_variance(latent_mean: ArrayLike, latent_variance: ArrayLike) -> 
 def _improvement_and_deviation(
     mean: ArrayLike, variance: ArrayLike, incumbent: float, xi: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mean improvement mu - f+ - xi and the deviation; the one place where a variance is floored."""
+    """The mean improvement mu - f+ - xi and the deviation; the one place where a variance is floored."""
     mean = np.asarray(mean, dtype=np.float64)
     variance = np.asarray(variance, dtype=np.float64)
     if not (np.isfinite(mean).all() and np.isfinite(variance).all() and math.isfinite(incumbent)):
         raise PlannerError(
             "expected improvement needs finite means, variances and incumbent, but the belief holds NaN or "
-            "infinity: check the readings it was given"
+            "infinity: check the readings that it learnt from"
         )
     if not 0.0 <= xi < math.inf:
-        raise PlannerError(f"xi must be 0 or above and finite, got {xi}")
+        raise PlannerError(f"`xi` must be 0 or above and finite, got {xi}")
     return mean - incumbent - xi, np.sqrt(np.maximum(variance, VARIANCE_FLOOR))
 
 
 def _log_standard_improvement(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """log(phi(z) + z Phi(z)) without cancellation, for any z.
+    """The logarithm log(phi(z) + z Phi(z)) without cancellation, for any z.
 
-    Below -1: log phi(z) + log(1 - sqrt(pi / 2) |z| erfcx(|z| / sqrt 2)), the last factor going to 1 / z^2.
+    Below -1 it is log phi(z) + log(1 - sqrt(pi / 2) |z| erfcx(|z| / sqrt 2)), and the last bracket goes to 1 / z^2.
     """
     log_density = -0.5 * z**2 - _LOG_ROOT_TWO_PI
     near = np.maximum(z, -1.0)

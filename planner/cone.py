@@ -1,4 +1,7 @@
-"""The sensed volume: a right circular cone below the probe's tip."""
+"""The sensed volume: a right circular cone below the probe's tip (the paper's v_i, section IV-A).
+
+The paper gives the cone neither angle nor depth; a scenario does.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,15 +14,21 @@ from .errors import PlannerError
 
 @dataclass(frozen=True)
 class Cone:
-    """A right circular cone: apex at the tip, axis along the beam, flat base at its depth."""
+    """A right circular cone: its apex at the probe's tip, its axis along the beam, its flat base at its depth.
+
+    With p the apex, o the unit vector along the beam, a = (x - p) . o the distance of a point x along the axis and
+    l = |x - p - a o| its distance from the axis, the cone of half-angle alpha and depth d is the set of points with
+
+        0 <= a <= d   and   l <= a tan(alpha).
+    """
 
     half_angle_rad: float
-    """Angle between the axis and the mantle [rad], above 0 and below pi / 2."""
+    """Angle alpha between the axis and the mantle [rad], above 0 and below pi / 2."""
     depth_m: float
-    """Distance from the apex to the base, along the axis [m], above 0."""
+    """Distance d from the apex to the base, along the axis [m], above 0."""
 
     def __post_init__(self) -> None:
-        """Check both ranges."""
+        """Checks both ranges."""
         if not 0.0 < self.half_angle_rad < math.pi / 2:
             raise PlannerError(
                 f"half_angle_rad must lie between 0 and pi / 2 = {math.pi / 2:.4f} rad, got "
@@ -30,24 +39,24 @@ class Cone:
 
     @property
     def base_radius_m(self) -> float:
-        """Radius of the cone's base [m]: tan(half angle) depth."""
+        """The radius of the cone's base [m], d tan(alpha)."""
         return math.tan(self.half_angle_rad) * self.depth_m
 
     @property
     def volume_m3(self) -> float:
-        """Volume of the cone [m^3]: pi / 3 tan^2(half angle) depth^3."""
+        """The volume of the cone [m^3], pi / 3 d^3 tan^2(alpha)."""
         return math.pi / 3.0 * math.tan(self.half_angle_rad) ** 2 * self.depth_m**3
 
     def contains(self, points_m: ArrayLike, apex_m: ArrayLike, axis: ArrayLike) -> NDArray[np.bool_]:
         """Whether each point lies in the cone, its surface and apex included, shape (N,).
 
-        The arguments broadcast against one another, so that one point can be tested against the cones of many
-        poses as well as many points against one cone.
+        The test is the class's two inequalities, the second squared. The arguments broadcast against one another, so
+        that one point can be tested against the cones of many poses as well as many points against one cone.
 
         Args:
-            points_m: Points [m], shape (N, 3) or (3,).
-            apex_m: Apex of the cone [m], shape (3,) or (N, 3).
-            axis: Unit vector of the axis, from the apex to the base, shape (3,) or (N, 3).
+            points_m: Points x [m], shape (N, 3) or (3,).
+            apex_m: Apex p of the cone [m], shape (3,) or (N, 3).
+            axis: Unit vector o of the axis, from the apex to the base, shape (3,) or (N, 3).
         """
         offsets = np.asarray(points_m, dtype=np.float64) - np.asarray(apex_m, dtype=np.float64)
         axis = np.asarray(axis, dtype=np.float64)

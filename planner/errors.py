@@ -1,5 +1,5 @@
-"""The one error base of this package."""
+"""The error that all of this package raises."""
 
 
 class PlannerError(ValueError):
-    """A planner was asked for something it cannot do; the text names the value and the remedy."""
+    """The error of a planner that cannot do what it should; the text names the value and the remedy."""

@@ -1,4 +1,4 @@
-"""What every planner is: a ranking of the workspace's poses."""
+"""What every planner is: a ranking of the workspace's poses. One of one's own derives from `Planner`."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -8,19 +8,19 @@ from .situation import Situation
 
 
 class Planner(ABC):
-    """Ranks sensing poses; it holds settings alone, so that one planner serves any number of episodes."""
+    """A ranking of sensing poses. A planner holds nothing but settings, so that it serves any number of episodes."""
 
     preferred_map: ClassVar[Literal["paper", "calibrated"]] = "calibrated"
-    """Which of the map's settings the planner was made for."""
+    """The map's settings for which the planner was made: the paper's, or those whose probabilities are calibrated."""
     needs_belief: ClassVar[bool]
-    """Whether the ranking looks at the prediction; if not, an episode may leave the map out."""
+    """Whether the ranking looks at the prediction; an episode may leave the map out where it does not."""
 
     @abstractmethod
     def rank(self, situation: Situation) -> Iterator[int]:
-        """Pose indices, best first, each at most once and never one that was skipped.
+        """The indices of poses, best first, each at most once and never one that was skipped.
 
-        The caller takes the first that the arm reaches. The ranking is lazy: what is never asked for is
-        hardly computed. It ends when no pose is left.
+        The caller takes the first that the arm reaches. The ranking is lazy, so that what the caller does not take
+        costs next to nothing. It ends when no pose is left.
 
         Args:
             situation: What is known so far.
@@ -30,7 +30,7 @@ class Planner(ABC):
         """
 
     def confidence(self, situation: Situation) -> float:
-        """How sure the planner is that nothing is left to find or to outline; 0 for those that cannot tell.
+        """How sure the planner is, from 0 to 1, that nothing is left to find or to outline; 0 if it cannot tell.
 
         Args:
             situation: What is known so far.

@@ -19,8 +19,22 @@ _PLANNERS: dict[str, type[Any]] = {
 
 
 def planner_names() -> tuple[str, ...]:
-    """The names of all planners; the paper's own comes first."""
+    """The names of all planners; the paper's own is the first."""
     return tuple(_PLANNERS)
+
+
+def planner_class(name: str) -> type[Planner]:
+    """The class of the planner of that name.
+
+    Args:
+        name: One of `planner_names()`.
+
+    Raises:
+        PlannerError: If there is no such planner; the text lists those that exist.
+    """
+    if name not in _PLANNERS:
+        raise PlannerError(f"there is no planner {name!r}; choose one of {', '.join(_PLANNERS)}")
+    return _PLANNERS[name]
 
 
 def make_planner(name: str, **options: Any) -> Planner:
@@ -31,15 +45,13 @@ def make_planner(name: str, **options: Any) -> Planner:
         options: Fields of the planner's class; those left out keep their defaults.
 
     Raises:
-        PlannerError: If a name or an option is unknown (the text lists what exists) or a value out of range.
+        PlannerError: If a name or an option is unknown (the text lists what exists) or a value is out of range.
     """
-    if name not in _PLANNERS:
-        raise PlannerError(f"there is no planner {name!r}; choose one of {', '.join(_PLANNERS)}")
-    planner_class = _PLANNERS[name]
-    known = [field.name for field in fields(planner_class)]
+    made: type[Any] = planner_class(name)
+    known = [field.name for field in fields(made)]
     unknown = [option for option in options if option not in known]
     if unknown:
         raise PlannerError(
             f"planner {name!r} has no option {unknown[0]!r}; it has {', '.join(known) if known else 'none'}"
         )
-    return planner_class(**options)
+    return made(**options)

@@ -1,4 +1,4 @@
-"""What a planner may know when it is asked for the next pose. The truth is not among it."""
+"""What a planner may know when it ranks the poses; the truth is not part of it."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .errors import PlannerError
 from .workspace import Workspace
 
 _TIP_SPEED_M_S = 0.25
-"""Of a probe of whose motion nothing is known [m/s]."""
+"""Speed of the tip of a probe of whose motion nothing is known [m/s]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -33,9 +33,9 @@ class Situation:
     skipped: frozenset[int] = frozenset()
     """Indices of the poses that the arm failed to reach."""
     is_visible: NDArray[np.bool_] | None = None
-    """Which search points some pose sees, from `visible_points`, shape (M,); None if not worked out."""
+    """Which search points some pose sees, from `visible_points`, shape (M,); None if that is not known."""
     surface_distance_m: NDArray[np.float64] | None = None
-    """Distance of each search point to the organ's surface [m], shape (M,); None if not worked out."""
+    """Distance of each search point to the organ's surface [m], shape (M,); None if that is not known."""
     readings: tuple[LabelledPoints, ...] = ()
     """What each sensing action returned, in order."""
     false_positive_rate: float = 0.0
@@ -43,15 +43,19 @@ class Situation:
     false_negative_rate: float = 0.0
     """Share of tumour points that the sensor is believed to call free."""
     motion_s: Callable[[NDArray[np.intp]], NDArray[np.float64]] | None = None
-    """Modelled time of the transfer from above the last pose to above others [s], infinite where the arm cannot get;
-    None if nobody can say, as before the first action."""
+    """Modelled time of the transfer from above the last pose to above others [s], infinite for those that the arm does
+    not reach; None where nobody can say, as before the first action."""
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s]."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 
     def __post_init__(self) -> None:
-        """Check shapes and indices."""
+        """Checks shapes and indices.
+
+        Raises:
+            PlannerError: If an array does not fit the search points, or an index is no pose of the workspace.
+        """
         points = self.search_points_m
         if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
             raise PlannerError(
@@ -75,7 +79,7 @@ class Situation:
         self._check_indices("skipped", self.skipped)
 
     def available(self, *, exclude_sensed: bool) -> NDArray[np.bool_]:
-        """Which poses may be proposed, shape (N,): not those that the arm failed to reach.
+        """Which poses may be proposed, shape (N,): all but those that the arm failed to reach.
 
         Args:
             exclude_sensed: Whether the poses sensed before are left out too.
@@ -87,7 +91,11 @@ class Situation:
         return is_available
 
     def seconds_to(self, poses: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Time of the transfer to each pose [s], shape of `poses`; without a model, the tip's way at 1 m in 4 s."""
+        """The time of the transfer to each pose [s], shape (k,); without a model, the tip's way at 0.25 m/s.
+
+        Args:
+            poses: Indices of poses, shape (k,).
+        """
         if self.motion_s is not None:
             return self.motion_s(poses)
         if not self.sensed:

@@ -10,24 +10,23 @@ from .cone import Cone
 from .workspace import Workspace
 
 _POINTS_AT_ONCE = 16
-"""Points per block of the dense table, so that its parts stay in the processor's cache."""
+"""Points per block of the dense table, so that a block stays in the processor's cache."""
 _POSES_AT_ONCE = 512
-"""Poses per part of `scattered_poses`."""
+"""Largest number of poses in a part of `scattered_poses`."""
 
 
 def visibility(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which poses' cones hold which points, shape (M, N).
 
-    Written as matrix products: axial = (x - p) . n and |x - p|^2 <= axial^2 (1 + tan^2(half angle)).
+    As matrix products, the test of `Cone` is 0 <= a <= d and |x - p|^2 <= a^2 (1 + tan^2(alpha)), a = (x - p) . o.
 
     Args:
         workspace: The N poses.
         cone: What one of them sees.
         points_m: The points [m, world], shape (M, 3).
     """
-    centre_m = workspace.positions_m.mean(
-        axis=0
-    )  # small coordinates: the squares round far below a micrometre
+    # About their centre coordinates are small, and squares round far below a micrometre.
+    centre_m = workspace.positions_m.mean(axis=0)
     positions_m, points_m = workspace.positions_m - centre_m, points_m - centre_m
     sees = np.empty((len(points_m), workspace.n_poses), dtype=np.bool_)
     for start in range(0, len(points_m), _POINTS_AT_ONCE):
@@ -37,7 +36,7 @@ def visibility(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) 
 
 
 def visible_points(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each point lies in the cone of at least one pose, shape (M,); needs no table of all pairs.
+    """Whether each point lies in the cone of at least one pose, shape (M,), without a table of all pairs.
 
     Args:
         workspace: The N poses.
@@ -53,7 +52,7 @@ def visible_points(workspace: Workspace, cone: Cone, points_m: NDArray[np.float6
 
 
 def scattered_poses(n_poses: int) -> Iterator[NDArray[np.intp]]:
-    """All poses in parts of some 500, each scattered over the whole workspace, so that the first see most points."""
+    """The indices of all poses in parts of some 500, each scattered over the workspace: the first part sees most."""
     n_parts = -(-n_poses // _POSES_AT_ONCE)
     for first in range(n_parts):
         yield np.arange(first, n_poses, n_parts)

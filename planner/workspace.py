@@ -25,7 +25,11 @@ class Workspace:
     """Rows and columns when the positions are a regular grid in C order, else None."""
 
     def __post_init__(self) -> None:
-        """Check shapes, finiteness and lengths; keep read-only copies."""
+        """Checks shapes, finiteness and lengths, and keeps read-only copies.
+
+        Raises:
+            PlannerError: If an array has another shape, is not finite, or a normal is not of length 1.
+        """
         for name in ("positions_m", "normals"):
             array = np.array(getattr(self, name), dtype=np.float64)
             if array.ndim != 2 or array.shape[1] != 3 or len(array) == 0:
@@ -50,17 +54,17 @@ class Workspace:
 
     @property
     def n_poses(self) -> int:
-        """Number of poses, N."""
+        """The number of poses, N."""
         return len(self.positions_m)
 
     def neighbours(self, n_neighbours: int) -> NDArray[np.intp]:
-        """Indices of every pose's nearest other poses, nearest first, shape (N, n_neighbours).
+        """The indices of every pose's nearest other poses, nearest first, shape (N, n_neighbours).
 
         Args:
-            n_neighbours: How many, from 1 to N - 1.
+            n_neighbours: Number of neighbours, from 1 to N - 1.
 
         Raises:
-            PlannerError: If the workspace does not hold that many others.
+            PlannerError: If the workspace does not hold so many other poses.
         """
         if not 1 <= n_neighbours < self.n_poses:
             raise PlannerError(f"n_neighbours must lie in 1 .. {self.n_poses - 1}, got {n_neighbours}")
@@ -73,7 +77,7 @@ class Workspace:
         return nearest[is_other].reshape(self.n_poses, n_neighbours)
 
     def within(self, pose: int, radius_m: float) -> list[int]:
-        """Indices of the poses within a distance of one, itself included.
+        """The indices of the poses within a distance of one, itself included.
 
         Args:
             pose: Its index.
@@ -85,7 +89,7 @@ class Workspace:
         """The pose of highest score in each cube of side `gap_m` that holds one above 0, best first, shape (k,).
 
         Args:
-            score: Of every pose, shape (N,).
+            score: Score of every pose, shape (N,).
             gap_m: Side of the cubes [m].
         """
         order = np.argsort(-score, kind="stable")
@@ -94,19 +98,19 @@ class Workspace:
         return order[np.sort(np.unique(cubes, axis=0, return_index=True)[1])]
 
     def angles_to_rad(self, point_m: ArrayLike) -> NDArray[np.float64]:
-        """Angle between each pose's normal and the direction from its position to a point [rad], shape (N,).
+        """The angle between each pose's normal and the direction to a point [rad], shape (N,).
 
-        A pose at the point itself counts as aligned: 0.
+        With p the position, o the normal and q = a - p the paper's query vector to the point a, it is the angle
+        arccos(o . q / |q|) = arctan2(|o x q|, o . q) of section IV-C. A pose at the point itself counts as aligned: 0.
 
         Args:
-            point_m: The point [m, world], shape (3,).
+            point_m: The point a [m, world], shape (3,).
         """
         towards = np.asarray(point_m, dtype=np.float64) - self.positions_m
         axial = np.einsum("ij,ij->i", towards, self.normals)
         lateral = np.linalg.norm(np.cross(self.normals, towards), axis=1)
-        return np.arctan2(
-            lateral, axial
-        )  # exact near 0, where arccos loses half the digits; arctan2(0, 0) = 0
+        # Exact near 0, where arccos loses half the digits; arctan2(0, 0) is 0.
+        return np.arctan2(lateral, axial)
 
     @cached_property
     def _tree(self) -> KDTree:

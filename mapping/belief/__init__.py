@@ -1,3 +1,6 @@
-"""The belief over the map's weights, in its forms: full, tiled and diagonal covariances, and the algebra they share.
+"""The belief over the map's weights in its forms, and the algebra that they share.
 
-A form learns a reading, gives moments and draws, and restores itself from arrays. What a user holds is `HilbertMap`."""
+`belief` says what every form offers: it learns a reading, gives moments and draws, and restores itself from arrays.
+`full` keeps the covariance of the weights, either whole (`dense_covariance`) or near its diagonal (`tiled_covariance`);
+`diagonal` keeps their variances. What a user holds is `HilbertMap`.
+"""

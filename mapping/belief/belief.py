@@ -14,8 +14,8 @@ from ..kernel import HingeFeatures, contract, outer_features
 from ..lattice import Lattice
 from ..settings import MapSettings
 
-# Points asked for are taken together in cubes of this many hinge spacings: few cubes, each with few features.
-_TILE_SPACINGS = 3
+# Query points are taken together in cubes of this many hinge spacings: few cubes, each with few features.
+_CUBE_SPACINGS = 3
 # Features that the mean at a point may leave out, as a multiple of `MapSettings.tolerance`.
 _MEAN_CUTOFF = 0.1
 
@@ -44,7 +44,7 @@ class UpdateReport:
 
 
 class LearningReport(NamedTuple):
-    """How far a reading reached, and lambda at each of its points."""
+    """What a belief says of a reading that it took in; `UpdateReport` has the meaning of each field."""
 
     rank: int
     n_weights_touched: int
@@ -63,60 +63,82 @@ class Belief(ABC):
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
     ) -> LearningReport:
-        """Takes in a reading: points [m] (n, 3), the latent's offset there (n,) and what the labels say
-        (n,).
+        """Takes in a reading.
+
+        Args:
+            points_m: Sensed points [m], shape (n, 3), n of at least 1.
+            offset: The latent's offset b at each of them, shape (n,).
+            log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
         """
 
     @abstractmethod
     def revise(self) -> float:
-        """Fits every reading so far anew and returns the largest change of the latent's mean."""
+        """Fits every reading so far anew.
+
+        Returns:
+            The largest change of the latent's mean at a sensed point.
+
+        Raises:
+            ValueError: If the form keeps no readings.
+        """
 
     @abstractmethod
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
-        """Draws weights from the belief and keeps them up with every later reading."""
+        """Draws weights from the belief and moves them with every later reading.
+
+        Args:
+            n_samples: Number of draws, S.
+            rng: Source of the draws, now and at every later reading.
+
+        Raises:
+            ValueError: If the form cannot draw any more.
+        """
 
     @abstractmethod
     def state(self) -> dict[str, NDArray]:
-        """Returns the arrays that make up the belief."""
+        """The arrays that make up the belief; carried samples are not among them."""
 
     @abstractmethod
     def restore(self, state: Mapping[str, NDArray]) -> None:
-        """Takes over the arrays of another belief of the same settings and hinges.
+        """Takes over the arrays of another belief with the same settings and hinges.
 
         Raises:
-            ValueError: If an array is missing, of another shape, not finite, or no covariance.
+            KeyError: If an array is missing.
+            ValueError: If an array is missing, of another shape, not finite, or not a covariance.
         """
 
     @property
     @abstractmethod
     def samples(self) -> NDArray[np.float64]:
-        """The carried draws of the weights, shape (M, n_samples)."""
+        """The carried draws of the weights, shape (M, S).
+
+        Raises:
+            ValueError: If none are carried.
+        """
 
     @abstractmethod
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns phi(x) Sigma phi(x)^T at all points of a lattice, shape (query.n_points,)."""
+        """The variance phi(x) Sigma phi(x)^T at all points of a lattice, shape (query.n_points,)."""
 
     @abstractmethod
     def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns phi(x) Sigma phi(x)^T at points that lie close together, shape (N, 3)."""
+        """The variance phi(x) Sigma phi(x)^T at points [m] that lie close together, shape (N, 3)."""
 
     def lattice_moments(self, query: Lattice) -> Moments:
-        """Returns the moments at all points of a lattice."""
+        """The moments at all points of a lattice."""
         mean = contract(self._features.on_lattice(query), self._features.over_hinges(self.mean))
         return Moments(mean.ravel(), self.variance_on_lattice(query))
 
     def lattice_samples(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns phi(x) . w of the carried draws at all points of a lattice, shape (query.n_points,
-        n_samples).
-        """
+        """The values phi(x) . w of the carried draws at all points of a lattice, shape (query.n_points, S)."""
         draws = contract(self._features.on_lattice(query), self._features.over_hinges(self.samples))
         return draws.reshape(query.n_points, -1)
 
     def moments(self, points_m: NDArray[np.float64]) -> Moments:
-        """Returns the moments at any points, tile by tile so that only what is within reach takes part."""
+        """The moments at any points [m], shape (N, 3), cube by cube, so that only what is within reach takes part."""
         mean, variance = np.zeros(len(points_m)), np.zeros(len(points_m))
         weights = self._features.over_hinges(self.mean)
-        for part in _tiles(points_m, _TILE_SPACINGS * self._features.spacing_m):
+        for part in _cubes(points_m, _CUBE_SPACINGS * self._features.spacing_m):
             near = points_m[part]
             box = self._features.box_around(near, _MEAN_CUTOFF * self._settings.tolerance)
             Phi = outer_features(self._features.along_axes(near, box))
@@ -125,8 +147,8 @@ class Belief(ABC):
         return Moments(mean, variance)
 
 
-def _tiles(points_m: NDArray[np.float64], width_m: float) -> list[NDArray[np.intp]]:
-    """Returns the indices of the points that share a cube of a given width, cube by cube."""
+def _cubes(points_m: NDArray[np.float64], width_m: float) -> list[NDArray[np.intp]]:
+    """The indices of the points that share a cube of a given width, cube by cube."""
     cubes = np.floor((points_m - points_m.min(axis=0)) / width_m).astype(np.intp)
     _, cube_of_point = np.unique(cubes, axis=0, return_inverse=True)
     order = np.argsort(cube_of_point, kind="stable")

@@ -1,5 +1,6 @@
-"""The variance of the latent on one lattice, carried along with the readings: it falls where the covariance
-falls, at a cost that depends on the cone and not on how much is known.
+"""The variance of the latent on one lattice, carried along with the readings.
+
+It falls where the covariance of the weights falls, at a cost that depends on the cone and not on how much is known.
 """
 
 from __future__ import annotations
@@ -12,9 +13,7 @@ from ..lattice import Lattice
 
 
 class CarriedVariance:
-    """Variance at the points of a lattice; after a reading it falls by |phi(x) G|^2, near the reading
-    alone.
-    """
+    """The variance at the points of a lattice; a reading lowers it by |phi(x) G|^2, but only near the reading."""
 
     def __init__(
         self,
@@ -30,8 +29,9 @@ class CarriedVariance:
         Args:
             features: The features phi.
             query: The lattice.
-            weight_variance: Of each weight before any reading.
-            query_mask: Which of its points are asked for; what is carried at the others is not kept up.
+            weight_variance: Variance of each weight before any reading.
+            query_mask: At which of its points the variance is carried, shape (query.n_points,); at all if None.
+                What stands at the others has no meaning.
             cutoff: Features smaller than this are left out.
         """
         self._features = features
@@ -41,10 +41,16 @@ class CarriedVariance:
         prior = features.over_hinges(np.full(features.n_weights, weight_variance))
         self.values = contract(AxisFeatures(x, y, z), prior)[..., 0]
         keep = np.ones(query.n_points, dtype=bool) if query_mask is None else query_mask
-        self._asked = [_bounds(plane) for plane in keep.reshape(query.shape)]
+        self._kept = [_bounds(plane) for plane in keep.reshape(query.shape)]
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
-        """Takes the variance of sign G G^T off, for G the rows (k, s) of some weights (k,)."""
+        """Takes off the variance of sign G G^T.
+
+        Args:
+            weights: Weights to which the rows of G belong, ascending, shape (k,).
+            G: Rows, shape (k, s).
+            sign: 1 where the covariance falls, -1 where it rises.
+        """
         box = self._features.box_of(weights)
         tensor = self._features.over_box(weights, G, box)
         reach_m = self._features.reach_m(self._cutoff)
@@ -56,15 +62,13 @@ class CarriedVariance:
         x, y, z = (factor[:, part] for factor, part in zip(factors, box, strict=True))
         # One plane of x at a time keeps the sums in the cache.
         for row in range(near[0].start, near[0].stop):
-            in_y, in_z = (
-                _common(part, asked) for part, asked in zip(near[1:], self._asked[row], strict=True)
-            )
+            in_y, in_z = (_common(part, kept) for part, kept in zip(near[1:], self._kept[row], strict=True))
             sums = contract(AxisFeatures(x[row : row + 1], y[in_y], z[in_z]), tensor)
             self.values[row, in_y, in_z] -= sign * np.einsum("xyzr,xyzr->yz", sums, sums)
 
 
 def _bounds(plane: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Returns the ranges along y and z that hold all true points of a plane."""
+    """The ranges along y and z that hold all true points of a plane."""
     ranges = []
     for axis in (1, 0):
         hit = np.flatnonzero(plane.any(axis=axis))

@@ -1,9 +1,7 @@
-"""The coordinates in which a reading is taken in: a few standard normal numbers z under the belief of the
-moment.
+"""The coordinates in which a reading is taken in: a few numbers z, standard normal under the belief of the moment.
 
-With Phi = T C the reduced features of a reading and C Sigma C^T = R R^T, z = R^-1 C (w - mu) is N(0, I),
-and the latent at
-the reading's points is m + B z, B = T R. A belief over z goes back to the weights through Y = Sigma C^T R^-T.
+With Phi = T C the reduced features of a reading and C Sigma C^T = R R^T, z = R^-1 C (w - mu) is N(0, I), and the latent
+at the reading's points is m + B z, B = T R. A belief over z goes back to the weights through Y = Sigma C^T R^-T.
 """
 
 from __future__ import annotations
@@ -33,11 +31,11 @@ class ReadingCoordinates:
     """C, shape (r, h)."""
 
     def to_reading(self, deviations: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns z = R^-1 C d of deviations d of all weights from their mean, shape (M, S)."""
+        """The coordinates z = R^-1 C d of deviations d of all weights from their mean, shape (M, S)."""
         return self.inverse_root @ (self.directions @ deviations[self.near])
 
     def rows(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the rows W with Y values = (W Sigma)^T, for values over z of shape (r, s)."""
+        """The rows W with Y values = (W Sigma)^T, shape (s, h), for values over z of shape (r, s)."""
         return (values.T @ self.inverse_root) @ self.directions
 
 
@@ -48,13 +46,13 @@ def reading_coordinates(
     *,
     tolerance: float,
 ) -> ReadingCoordinates:
-    """Returns the coordinates of a reading.
+    """The coordinates of a reading.
 
     Args:
         reduction: Its reduced features.
-        prior_mean: The latent's mean at its points, shape (n,).
+        prior_mean: The latent's mean at its points before the reading, shape (n,).
         covariance: C Sigma C^T, shape (r, r).
-        tolerance: Variance at a pivot that need not follow from the others; 0 keeps all.
+        tolerance: Variance at a pivot, given the others, below which the pivot is left out; 0 keeps all.
     """
     if tolerance > 0:
         root, pivots = pivoted_cholesky(covariance, tolerance)

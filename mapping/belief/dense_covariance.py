@@ -28,7 +28,14 @@ class DenseCovariance(KeptCovariance):
         *,
         is_exact: bool,
     ) -> None:
-        """Starts with independent weights of one variance; exact, it takes any two weights for dependent."""
+        """Starts with independent weights of one variance.
+
+        Args:
+            features: The features whose weights these are.
+            weight_variance: Variance of each weight before any reading.
+            carried: A variance that is to fall along with the covariance; None for none.
+            is_exact: Whether any two weights may covary, or only those whose hinges are near one another.
+        """
         super().__init__(features, carried)
         self._is_exact = is_exact
         self.matrix = np.zeros((features.n_weights, features.n_weights))
@@ -43,14 +50,12 @@ class DenseCovariance(KeptCovariance):
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the weights (m,) that may covary with some weights (k,), ascending, and C Sigma, shape
-        (r, m).
-        """
+        """See `KeptCovariance.cross`."""
         first, last = self._slab(weights)
         return np.arange(first, last), C @ self.matrix[weights, first:last]
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
-        """Takes sign G G^T off the covariance of some weights (k,), ascending, for G of shape (k, s)."""
+        """See `KeptCovariance.lower`."""
         runs = self._runs(weights, G)
         # One pair of planes at a time stays in the cache.
         for number, (here, rows) in enumerate(runs):
@@ -66,7 +71,7 @@ class DenseCovariance(KeptCovariance):
     def _runs(
         self, weights: NDArray[np.intp], G: NDArray[np.float64]
     ) -> list[tuple[slice, NDArray[np.float64]]]:
-        """Returns G plane by plane of hinges: a range of weights and its rows, zero where none is given."""
+        """G plane by plane of hinges: a range of weights and its rows, zero for weights to which none belongs."""
         starts = np.flatnonzero(np.diff(self._plane_of_weight[weights], prepend=-1))
         runs = []
         for some, rows in zip(np.split(weights, starts[1:]), np.split(G, starts[1:]), strict=True):
@@ -77,9 +82,7 @@ class DenseCovariance(KeptCovariance):
         return runs
 
     def _slab(self, weights: NDArray[np.intp]) -> tuple[int, int]:
-        """Returns the range of weights, which run along x slowest, whose hinges may covary with some
-        weights'.
-        """
+        """The range of the weights, which run along x slowest, that may covary with some weights."""
         if self._is_exact:
             return 0, len(self.matrix)
         planes = self._plane_of_weight
@@ -87,7 +90,7 @@ class DenseCovariance(KeptCovariance):
         return int(np.searchsorted(planes, low)), int(np.searchsorted(planes, high, side="right"))
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Returns draws about zero with this covariance, shape (M, n_samples)."""
+        """Draws about zero with this covariance, shape (M, n_samples)."""
         factor = cholesky(self.matrix, lower=True, check_finite=False)
         return factor @ rng.standard_normal((len(self.matrix), n_samples))
 

@@ -1,5 +1,7 @@
-"""The weights' belief as variances alone, the paper's 1 x M form: fast, but it counts overlapping evidence
-many times.
+"""The belief over the weights as their variances, the paper's 1 x M form: fast, but it counts points many times.
+
+The paper gives Sigma_t the shape 1 x M. Taken literally, the weights are independent, and each of the overlapping
+features that a point touches learns from it as if it were the only one.
 """
 
 from __future__ import annotations
@@ -31,10 +33,10 @@ class DiagonalBelief(Belief):
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
     ) -> LearningReport:
-        """Takes in a reading.
+        """Takes in a reading; see `Belief.learn`.
 
-        1 / s'_j = 1 / s_j + 2 sum_n lambda_n phi_nj^2,  mu'_j = s'_j (mu_j / s_j + sum_n phi_nj (y_n - 1/2
-        - 2 lambda_n b_n))
+        1 / s'_j = 1 / s_j + 2 sum_n lambda_n phi_nj^2
+        mu'_j    = s'_j (mu_j / s_j + sum_n phi_nj (y_n - 1/2 - 2 lambda_n b_n))
         """
         Phi, weights = self._local_features(points_m)
         squares = Phi**2
@@ -57,34 +59,34 @@ class DiagonalBelief(Belief):
         raise ValueError("the diagonal form cannot revise its readings; use form='full' or form='local'")
 
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
-        """Draws standard weights once; the belief's mean and variances scale them."""
+        """Draws standard normal weights once; the belief's mean and variances scale them, now and later."""
         self._standard = rng.standard_normal((len(self.mean), n_samples))
 
     @property
     def samples(self) -> NDArray[np.float64]:
-        """The carried draws of the weights, shape (M, n_samples)."""
+        """The carried draws of the weights, shape (M, S); see `Belief.samples`."""
         if self._standard is None:
             raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
         return self.mean[:, None] + np.sqrt(self.variance)[:, None] * self._standard
 
     def state(self) -> dict[str, NDArray]:
-        """Returns the arrays that make up the belief."""
+        """The mean and the variances."""
         return {"mean": self.mean, "variance": self.variance}
 
     def restore(self, state: Mapping[str, NDArray]) -> None:
-        """Takes over the arrays of another belief of the same settings and hinges."""
+        """Takes over a saved mean and variances; see `Belief.restore`."""
         variance = checked_array(state, "variance", self.variance.shape)
         if np.any(variance <= 0):
             raise ValueError("its variances are not all positive")
         self.mean, self.variance = checked_array(state, "mean", self.mean.shape), variance
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns the variance at all points of a lattice."""
+        """The variance at all points of a lattice; see `Belief.variance_on_lattice`."""
         squares = AxisFeatures(*(factor**2 for factor in self._features.on_lattice(query)))
         return contract(squares, self._features.over_hinges(self.variance)).ravel()
 
     def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the variance at points that lie close together."""
+        """The variance at points that lie close together; see `Belief.variance_near`."""
         Phi, weights = self._local_features(points_m)
         return Phi**2 @ self.variance[weights]
 

@@ -1,7 +1,10 @@
-"""The weights' belief with its full covariance: the default form.
+"""The belief over the weights with their covariance, whole or near its diagonal: the default form.
 
-With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, the reading's own coordinates are z = R^-1 C
-(w - mu) and
+The paper gives Sigma_t the shape 1 x M, a variance per weight. Here it is M x M: neighbouring features overlap, and
+without their covariance a point would count about nine times (`diagonal` has the paper's form).
+
+With f = m + Phi (w - mu), Phi = T C and C Sigma C^T = R R^T, a reading's own coordinates are z = R^-1 C (w - mu). Their
+posterior has mean z' and covariance D^-1 (`variational`), and goes back to the weights as
 
     mu' = mu + Y z',   Sigma' = Sigma - Y (I - D^-1) Y^T = Sigma - G G^T,   Y = Sigma C^T R^-T.
 """
@@ -30,24 +33,37 @@ from .samples import WeightSamples
 from .tiled_covariance import TiledCovariance
 from .variational import fit_reading, refit_reading
 
-# What may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it began to add to the
-# error in probability after 50 readings (docs/map.md shows the table).
-_PIVOT_TOLERANCE = 1.0  # share of |phi|^2 of a point's features that does not follow from the pivots
-_ROOT_TOLERANCE = 1.0  # variance of the latent at a pivot that does not follow from the others
-_ROW_TOLERANCE = 0.03  # fall of a weight's variance
-_SHRINKAGE_TOLERANCE = 1000.0  # share of a direction's variance that the reading takes away
-_FEATURE_CUTOFF = 10.0  # features of a reading
-_QUERY_CUTOFF = 0.01  # terms of the variance at a query point
-_MARGIN_CUTOFF = 1e4  # features beyond the touched weights, whose own fall is as small as _ROW_TOLERANCE
+# The seven constants below say what may be left out, as multiples of `MapSettings.tolerance`. Each was raised until it
+# began to add to the error in probability after 50 readings (docs/map.md shows the table).
+_PIVOT_TOLERANCE = 1.0
+"""Share of |phi|^2 of a point's features that does not follow from the pivots."""
+_ROOT_TOLERANCE = 1.0
+"""Variance of the latent at a pivot that does not follow from the others."""
+_ROW_TOLERANCE = 0.03
+"""Fall of a weight's variance."""
+_SHRINKAGE_TOLERANCE = 1000.0
+"""Share of a direction's variance that the reading takes away."""
+_FEATURE_CUTOFF = 10.0
+"""Features of a reading."""
+_QUERY_CUTOFF = 0.01
+"""Terms of the variance at a query point."""
+_MARGIN_CUTOFF = 1e4
+"""Features beyond the touched weights, whose own fall is as small as `_ROW_TOLERANCE`."""
 
 
 class FullBelief(Belief):
-    """Gaussian belief over the weights, mean and dense covariance."""
+    """Gaussian belief over the weights: their mean and their covariance."""
 
     def __init__(
         self, features: HingeFeatures, settings: MapSettings, covariance: DenseCovariance | TiledCovariance
     ) -> None:
-        """Starts at zero mean, with a covariance as the form keeps it."""
+        """Starts at zero mean.
+
+        Args:
+            features: The features whose weights these are.
+            settings: The map's.
+            covariance: The prior covariance, as the form keeps it.
+        """
         self._features = features
         self._settings = settings
         self.mean = np.zeros(features.n_weights)
@@ -62,7 +78,13 @@ class FullBelief(Belief):
         settings: MapSettings,
         query: MaskedLattice | None,
     ) -> FullBelief:
-        """Returns the prior belief of the form `full` or `local`."""
+        """The prior belief of the form `full` or `local`.
+
+        Args:
+            features: The features whose weights these are.
+            settings: The map's.
+            query: The points at which the latent's variance is carried; None for none.
+        """
         variance, carried = settings.weight_variance, None
         if query is not None:
             cutoff = min(_MARGIN_CUTOFF * settings.tolerance, 1.0)
@@ -75,9 +97,10 @@ class FullBelief(Belief):
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
     ) -> LearningReport:
-        """Takes in a reading; see the module for the formulas."""
+        """Takes in a reading; see `Belief.learn`, and the module for the formulas."""
         reduction = self._reduce(points_m)
-        if not reduction.hinges.size:  # the reading lies beyond all hinges
+        # A reading beyond all hinges touches no weight.
+        if not reduction.hinges.size:
             return LearningReport(0, 0, bound_curvature(offset))
         coordinates = self._coordinates(reduction, offset)
         reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
@@ -89,7 +112,7 @@ class FullBelief(Belief):
         return LearningReport(Z.shape[1], n_touched, reading.curvature)
 
     def revise(self) -> float:
-        """Fits every reading anew, with xi from all that is known now, oldest first."""
+        """Fits every reading anew, oldest first, with xi from all that is known now; see `Belief.revise`."""
         largest, n_rounds = 0.0, self._settings.n_em_iterations
         for number, held in enumerate(self.held):
             now = self._coordinates(self._reduce(held.points_m), held.offset)
@@ -102,31 +125,31 @@ class FullBelief(Belief):
         return largest
 
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
-        """Draws weights from the belief and keeps them up with every later reading."""
+        """Draws weights from the belief and moves them with every later reading; see `Belief.carry_samples`."""
         self._samples = WeightSamples(self.covariance.draw(n_samples, rng), rng)
 
     @property
     def samples(self) -> NDArray[np.float64]:
-        """The carried draws of the weights, shape (M, n_samples)."""
+        """The carried draws of the weights, shape (M, S); see `Belief.samples`."""
         if self._samples is None:
             raise ValueError("no samples are carried; call carry_samples(n_samples, rng=rng) first")
         return self.mean[:, None] + self._samples.deviations
 
     def state(self) -> dict[str, NDArray]:
-        """Returns the arrays that make up the belief."""
+        """The mean, the arrays of the covariance and those of the readings that are held."""
         return {"mean": self.mean, **self.covariance.state(), **held_state(self.held)}
 
     def restore(self, state: Mapping[str, NDArray]) -> None:
-        """Takes over the arrays of another belief of the same settings and hinges."""
+        """Takes over the arrays of another belief; see `Belief.restore`."""
         self.mean, self.held = checked_array(state, "mean", self.mean.shape), held_from(state)
         self.covariance.restore(state)
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
-        """Returns the variance at all points of a lattice."""
+        """The variance at all points of a lattice; see `Belief.variance_on_lattice`."""
         return np.maximum(self.covariance.variance_on_lattice(query), 0)
 
     def variance_near(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the variance at points that lie close together."""
+        """The variance at points that lie close together; see `Belief.variance_near`."""
         return np.maximum(self.covariance.variance_at(points_m, _QUERY_CUTOFF * self._settings.tolerance), 0)
 
     def _reduce(self, points_m: NDArray[np.float64]) -> Reduction:
@@ -163,14 +186,14 @@ class FullBelief(Belief):
         """Takes a belief over z back to the weights: mu + Y z', Sigma - Y (Z Z^T) Y^T, and the draws' moves.
 
         Args:
-            coordinates: The reading's.
+            coordinates: The reading's coordinates.
             mean: z', shape (r,).
             fall: Z, shape (r, s).
-            rise: The same for what is added to Sigma.
-            moves: Change of z of each draw, shape (r, S).
+            rise: What Z is for the part that is added to Sigma, shape (r, t).
+            moves: Change of z of each draw, shape (r, S); None where no draws are carried.
 
         Returns:
-            How many weights were touched.
+            The number of weights whose variance changed.
         """
         parts = [mean[:, None], fall, rise, *([] if moves is None else [moves])]
         ends = np.cumsum([part.shape[1] for part in parts])
@@ -185,7 +208,7 @@ class FullBelief(Belief):
         return max(touched)
 
     def _lower(self, weights: NDArray[np.intp], rows: NDArray[np.float64], *, sign: float) -> int:
-        """Takes sign G G^T off the covariance, for G^T = rows; returns how many weights that touches."""
+        """Takes sign G G^T off the covariance, for G^T = rows, and returns the number of weights that it touches."""
         falls = np.einsum("sk,sk->k", rows, rows)
         touched = np.flatnonzero(falls > _ROW_TOLERANCE * self._settings.tolerance)
         if touched.size > 0:
@@ -193,13 +216,11 @@ class FullBelief(Belief):
         return touched.size
 
     def _smallest_share(self) -> float:
-        # Rounding puts a shrinkage of zero at about 1e-16, below what may be a variance.
+        # Rounding makes about 1e-16 of a shrinkage of zero, far less than a variance could be.
         return max(_SHRINKAGE_TOLERANCE * self._settings.tolerance, 1e-15)
 
     def _shrinkage_root(self, factor: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns Z with Z Z^T = I - D^-1 for D = Q Q^T, without the directions that the reading left as
-        they were.
-        """
+        """Z with Z Z^T = I - D^-1 for D = Q Q^T, without the directions that the reading left as they were."""
         identity = np.eye(len(factor))
         shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
         return pivoted_cholesky(shrinkage, self._smallest_share())[0]

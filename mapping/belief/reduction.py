@@ -1,10 +1,8 @@
-"""A reading in few dimensions: the latent at all its points from the latent along a few directions of
-weight space.
+"""A reading in few dimensions: the latent at all its points from the latent along a few directions of weight space.
 
-A cone holds a thousand points but only some hundred of them can be told apart at the width of the kernel.
-With Phi the features of the reading (n x h), the pivoted Cholesky factor of Phi Phi^T finds points p from
-which all the others follow, Phi = T Phi_p, so that everything that is repeated within a reading works with
-r numbers in place of n or h.
+A cone holds a thousand points, but only some hundred of them can be told apart at the width of the kernel. With Phi the
+features of the reading (n x h), the pivoted Cholesky factor of Phi Phi^T finds points p from which all the others
+follow, Phi = T Phi_p, so that everything that is repeated within a reading works with r numbers in place of n or h.
 """
 
 from __future__ import annotations
@@ -35,19 +33,20 @@ class Reduction:
     """Which columns of the features these h are."""
 
     def at_points(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns T values: what holds at the n points when `values`, shape (r,) or (r, k), hold along the
-        directions.
-        """
+        """What holds at the n points, T values, when `values` hold along the directions, shape (r,) or (r, k)."""
         return self.factor @ _solve_triangle(self.triangle, values)
 
 
 def pivoted_cholesky(
     matrix: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Returns L (n x r) and the pivots p (r,) with L L^T = matrix up to residual variances of at most
-    `tolerance`.
+    """The factor L, shape (n, r), and the pivots p, shape (r,), with L L^T = matrix but for small residual variances.
 
     Row i of L belongs to row i of the matrix; L[p] is lower triangular.
+
+    Args:
+        matrix: A positive semidefinite matrix, shape (n, n).
+        tolerance: Largest residual variance, an entry of the diagonal of matrix - L L^T.
     """
     (pstrf,) = get_lapack_funcs(("pstrf",), (matrix,))
     packed, order, rank, _ = pstrf(matrix, tol=tolerance, lower=1)
@@ -58,7 +57,7 @@ def pivoted_cholesky(
 
 
 def choose_pivots(factors: AxisFeatures, tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Returns L (n x r) and the pivots (r,) of the pivoted Cholesky factor of Phi Phi^T.
+    """The pivoted Cholesky factor L of Phi Phi^T, shape (n, r), and its pivots, shape (r,).
 
     Pivots are sought among a few hundred points at a time, then among those that do not follow from them
     yet, so that the n x n matrix is never formed.
@@ -87,7 +86,7 @@ def choose_pivots(factors: AxisFeatures, tolerance: float) -> tuple[NDArray[np.f
 def reduce_by_pivots(
     factors: AxisFeatures, is_active: NDArray[np.bool_], *, tolerance: float, cutoff: float
 ) -> Reduction:
-    """Returns the reduction that interpolates from chosen points of the reading.
+    """The reduction that interpolates from chosen points of the reading.
 
     Args:
         factors: Factors of the features of n points over a box of hinges.
@@ -102,8 +101,11 @@ def reduce_by_pivots(
 
 
 def reduce_exactly(factors: AxisFeatures, is_active: NDArray[np.bool_]) -> Reduction:
-    """Returns the reduction without loss, from an orthogonal basis of the features' rows: Phi^T = Q R, T =
-    R^T, C = Q^T.
+    """The reduction without loss, from an orthogonal basis of the features' rows: Phi^T = Q R, T = R^T, C = Q^T.
+
+    Args:
+        factors: Factors of the features of n points over a box of hinges.
+        is_active: Which hinges of the box exist, in C order.
     """
     hinges = np.flatnonzero(is_active)
     basis, triangle = np.linalg.qr(outer_features(factors)[:, hinges].T)

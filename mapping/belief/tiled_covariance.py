@@ -1,12 +1,11 @@
-"""The covariance of very many weights, kept near its diagonal: what a reading costs depends on the cone,
-not the organ.
+"""The covariance of very many weights, kept near its diagonal, so that a reading's cost depends on the cone it holds.
 
-Hinges are grouped in tiles of 4 x 4 x 4. Sigma_ab is kept for tiles at most two apart along each axis, and
-taken as zero beyond: the posterior correlation halves with every hinge, so what is left out is below 1 % of a
+Hinges are grouped in tiles of 4 x 4 x 4. Sigma_ab is kept for tiles a and b that are at most two apart along each axis,
+and taken as zero beyond: the posterior correlation halves with every hinge, so what is left out is below 1 % of a
 variance. A tile that no reading has touched still holds the prior and takes no memory.
 
-A reading gathers the covariances of its weights into dense blocks, one layer of tiles along x at a time, and
-scatters what they fall by.
+A reading gathers the covariances of its weights into dense blocks, one layer of tiles along x at a time, and scatters
+what they fall by.
 """
 
 from __future__ import annotations
@@ -37,7 +36,13 @@ class TiledCovariance(KeptCovariance):
     def __init__(
         self, features: HingeFeatures, weight_variance: float, carried: CarriedVariance | None = None
     ) -> None:
-        """Starts with independent weights of one variance."""
+        """Starts with independent weights of one variance.
+
+        Args:
+            features: The features whose weights these are.
+            weight_variance: Variance of each weight before any reading.
+            carried: A variance that is to fall along with the covariance; None for none.
+        """
         super().__init__(features, carried)
         shape = features.hinges.shape
         self._variance = weight_variance
@@ -52,7 +57,7 @@ class TiledCovariance(KeptCovariance):
 
     @property
     def n_bytes(self) -> int:
-        """Memory that the panels take."""
+        """Memory that the panels take, in bytes."""
         return sum(panel.nbytes for panel in self._panels.values())
 
     def among(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -60,7 +65,7 @@ class TiledCovariance(KeptCovariance):
         return self._product(C, weights, weights)
 
     def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Returns C Sigma C^T among some weights (k,), ascending, from each pair of slabs once."""
+        """See `KeptCovariance.inner`; each pair of slabs enters once."""
         half = np.zeros_like(C)
         for here, there in self._slabs(weights, weights):
             onward = slice(here.start, there.stop)
@@ -74,16 +79,12 @@ class TiledCovariance(KeptCovariance):
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Returns the weights (m,) that may covary with some weights (k,), both ascending, and C Sigma, shape
-        (r, m).
-        """
+        """See `KeptCovariance.cross`."""
         others = self._may_covary(weights)
         return others, self._product(C, weights, others)
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
-        """Takes sign G G^T off the covariance of some weights (k,), ascending, G of shape (k, s), as far as
-        it is kept.
-        """
+        """See `KeptCovariance.lower`."""
         for here, there in self._slabs(weights, weights):
             self._subtract(weights[here], weights[here], sign * (G[here] @ G[here].T))
             if there.stop > here.stop:
@@ -97,12 +98,10 @@ class TiledCovariance(KeptCovariance):
     def _product(
         self, C: NDArray[np.float64], weights: NDArray[np.intp], others: NDArray[np.intp]
     ) -> NDArray[np.float64]:
-        """Returns C Sigma, shape (r, m), for the covariances of some weights (k,) with others (m,), both
-        ascending.
-        """
+        """C Sigma, shape (r, m), for the covariances of some weights (k,) with others (m,), both ascending."""
         sums = np.zeros((len(C), len(others)))
         for here, there in self._slabs(weights, others):
-            # Directions are local: most pass a slab by.
+            # Directions are local: most of them have nothing in a slab.
             rows = np.flatnonzero(C[:, here].any(axis=1))
             sums[rows, there] += C[rows, here] @ self._between(weights[here], others[there])
         return sums
@@ -116,7 +115,7 @@ class TiledCovariance(KeptCovariance):
             yield slice(*here.tolist()), slice(*there.tolist())
 
     def _may_covary(self, weights: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Returns the weights themselves and those near them that some reading has touched, ascending."""
+        """The weights themselves, and those near them that some reading has touched, ascending."""
         is_near = np.zeros(self._features.hinges.n_points, dtype=bool)
         is_near[self._hinge_of_weight[weights]] = True
         is_near = maximum_filter(is_near.reshape(self._features.hinges.shape), size=2 * _MARGIN + 1)
@@ -125,7 +124,7 @@ class TiledCovariance(KeptCovariance):
         return np.flatnonzero(is_wanted)
 
     def _between(self, weights: NDArray[np.intp], others: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Returns the covariances of some weights (k,) with others (m,), shape (k, m); zero where none is kept."""
+        """The covariances of some weights (k,) with others (m,), shape (k, m); zero where none is kept."""
         block = np.zeros((len(weights), len(others)))
         for tile, rows in self._by_tile(weights):
             panel = self._panels.get(tile)
@@ -148,14 +147,14 @@ class TiledCovariance(KeptCovariance):
             self._panels[tile][np.ix_(self._place[weights[rows]], entries)] -= falls[np.ix_(rows, columns)]
 
     def _by_tile(self, weights: NDArray[np.intp]) -> Iterator[tuple[Tile, NDArray[np.intp]]]:
-        """Yields each tile that holds some of the weights, and which."""
+        """Yields each tile that holds some of the weights, and which of them it holds."""
         order = np.argsort(self._tile_id[weights], kind="stable")
         ends = np.flatnonzero(np.diff(self._tile_id[weights[order]])) + 1
         for rows in np.split(order, ends):
             yield tuple(self._tile_of[weights[rows[0]]].tolist()), rows
 
     def _entries(self, tile: Tile, others: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Returns which others lie within a tile's range, and their columns in its panel."""
+        """Which of the others lie within a tile's range, and their columns in its panel."""
         low, shape = self._box(tile)
         offsets = self._tile_of[others] - low
         within = np.flatnonzero(np.all((offsets >= 0) & (offsets < shape), axis=1))
@@ -163,12 +162,12 @@ class TiledCovariance(KeptCovariance):
         return within, ((x * shape[1] + y) * shape[2] + z) * _TILE**3 + self._place[others[within]]
 
     def _box(self, tile: Tile) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Returns the lowest of the tiles around a tile, and how many there are along each axis."""
+        """The lowest of the tiles around a tile, and the number of these tiles along each axis."""
         low = np.maximum(np.array(tile) - _RANGE, 0)
         return low, np.minimum(np.array(tile) + _RANGE + 1, self._grid) - low
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
-        """Returns draws of the prior, shape (M, n_samples).
+        """Draws of the prior, shape (M, n_samples).
 
         Raises:
             ValueError: If a reading has been taken in.
@@ -178,7 +177,7 @@ class TiledCovariance(KeptCovariance):
         return np.sqrt(self._variance) * rng.standard_normal((self._features.n_weights, n_samples))
 
     def state(self) -> dict[str, NDArray]:
-        """Returns the panels, one array each, and the variance that is carried."""
+        """The panels, one array each, and the variance that is carried."""
         panels = {f"panel_{x}_{y}_{z}": panel for (x, y, z), panel in self._panels.items()}
         return panels if self._carried is None else {"carried_variance": self._carried.values, **panels}
 
@@ -208,7 +207,7 @@ class TiledCovariance(KeptCovariance):
         self._is_touched[np.ravel_multi_index(tile, self._grid)] = True
 
     def _prior_panel(self, tile: Tile) -> NDArray[np.float64]:
-        """Returns the prior covariances of a tile with those around it, shape (64, 64 a b c)."""
+        """The prior covariances of a tile with the a x b x c tiles around it, shape (64, 64 a b c)."""
         panel = np.zeros((_TILE**3, int(np.prod(self._box(tile)[1])) * _TILE**3))
         weights = np.flatnonzero(self._tile_id == np.ravel_multi_index(tile, self._grid))
         panel[self._place[weights], self._entries(tile, weights)[1]] = self._variance

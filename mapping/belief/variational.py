@@ -1,8 +1,26 @@
-"""What one reading says: the variational posterior of a latent in the reading's own coordinates.
+"""What one reading says: the belief's update by EM, the paper's learn_parameters (section IV-B).
 
-The latent at the reading's n points is f = m + B z with z ~ N(0, I) before the reading. Each round sets
-lambda(xi) from xi^2 = E[f^2] and solves for the posterior of z. Only xi moves from round to round: the
-prior stays what it was before the reading, or one reading would count several times.
+    P(w | x, y) = P(y | x, w) P(w) / P(y)
+
+is no Gaussian. The paper takes a Gaussian in its place, by the EM of Senanayake and Ramos (2017). With the bound of
+`likelihood`, P = Sigma^-1 and mu before the reading, and Phi, b and y of its points, a round is
+
+    P'     = P + 2 Phi^T diag(lambda(xi)) Phi                                 (E step: the posterior N(mu', P'^-1))
+    P' mu' = P mu + Phi^T (y - 1/2 - 2 lambda(xi) b)
+    xi_n^2 = phi_n P'^-1 phi_n^T + (b_n + phi_n . mu')^2                      (M step: the best xi)
+
+Only xi moves from round to round: P and mu stay what they were before the reading, or one reading would count several
+times.
+
+The code does the same in the reading's own coordinates (`coordinates`), in which the latent at its n points is
+f = m + B z with z ~ N(0, I) before the reading:
+
+    D      = I + 2 B^T diag(lambda(xi)) B                                     (the posterior N(z', D^-1))
+    D z'   = B^T (y - 1/2 - 2 lambda(xi) m)
+    xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2                              (b_n is row n of B here)
+
+Three things are ours and not the paper's: the offset b (zero under its prior), expected labels in place of y where the
+sensor errs (`expected_label`), and where the rounds begin (`fit_reading`).
 """
 
 from __future__ import annotations
@@ -25,16 +43,20 @@ class ReadingPosterior:
     cholesky: NDArray[np.float64]
     """Q, lower triangular, shape (r, r)."""
     scaled_basis: NDArray[np.float64]
-    """sqrt(2 lambda_n) B_n, so that D = I + scaled^T scaled, shape (n, r)."""
+    """sqrt(2 lambda_n) b_n, so that D = I + scaled^T scaled, shape (n, r)."""
     curvature: NDArray[np.float64]
     """lambda at each point, shape (n,)."""
     labels: NDArray[np.float64]
     """Expected true label of each point, shape (n,)."""
 
     def move(self, prior_draws: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """Returns what turns draws of z from N(0, I), shape (r, S), into draws about the posterior mean.
+        """What is added to draws of z from N(0, I) to make them draws about the posterior mean, shape (r, S).
 
         D^-1 (z + e) with e ~ N(0, D - I) has covariance D^-1 (I + D - I) D^-1 = D^-1.
+
+        Args:
+            prior_draws: The draws of z, shape (r, S).
+            rng: Source of e.
         """
         noise = self.scaled_basis.T @ rng.standard_normal((len(self.scaled_basis), prior_draws.shape[1]))
         return cho_solve((self.cholesky, True), prior_draws + noise, check_finite=False) - prior_draws
@@ -42,8 +64,9 @@ class ReadingPosterior:
 
 @dataclass(frozen=True, eq=False)
 class ReadingChange:
-    """What another lambda for an earlier reading does to z: precision D = V diag(d) V^T, of either sign
-    about I.
+    """What another lambda for an earlier reading does to z: the precision becomes D = V diag(d) V^T.
+
+    Where lambda falls, the belief knows less than before and d lies below 1.
     """
 
     mean: NDArray[np.float64]
@@ -58,13 +81,13 @@ class ReadingChange:
     """The new expected true labels, shape (n,)."""
 
     def root(self, sign: float, tolerance: float) -> NDArray[np.float64]:
-        """Returns Z with Z Z^T the part of sign (I - D^-1) that is positive and above a tolerance."""
+        """Z with Z Z^T the part of sign (I - D^-1) that lies above a tolerance, shape (r, s)."""
         share = sign * (1 - 1 / self.precisions)
         chosen = share > tolerance
         return self.axes[:, chosen] * np.sqrt(share[chosen])
 
     def move(self, prior_draws: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns what turns draws of z from N(0, I) into draws of covariance D^-1: z' = D^-1/2 z."""
+        """What is added to draws of z from N(0, I), shape (r, S), to give them the covariance D^-1: z' = D^-1/2 z."""
         scaled = self.axes * (1 / np.sqrt(self.precisions) - 1)
         return scaled @ (self.axes.T @ prior_draws)
 
@@ -77,15 +100,20 @@ def refit_reading(
     labels: NDArray[np.float64],
     n_iterations: int,
 ) -> ReadingChange:
-    """Returns more rounds for a reading that the belief already holds, with xi from the belief of now.
+    """The change of z by more rounds for a reading that the belief already holds, with xi from what is known now.
+
+    With lambda' and y' in place of the lambda and y that the belief holds, and m and B of now,
+
+        D    = I + 2 B^T diag(lambda' - lambda) B
+        D z' = B^T (y' - y - 2 (lambda' - lambda) m)
 
     Args:
         mean: Latent mean m at each point now, shape (n,).
         basis: B now, shape (n, r).
         log_odds: What each label says of its point, shape (n,).
         curvature: lambda with which the belief holds the reading, shape (n,).
-        labels: Expected labels with which it does, shape (n,).
-        n_iterations: How many rounds, at least 1.
+        labels: The expected labels y with which it does, shape (n,).
+        n_iterations: Number of rounds, at least 1.
     """
     xi_squared = np.einsum("nr,nr->n", basis, basis) + mean**2
     change = _refit(xi_squared, mean, mean, basis, log_odds, curvature, labels)
@@ -105,9 +133,7 @@ def _refit(
     curvature: NDArray[np.float64],
     labels: NDArray[np.float64],
 ) -> ReadingChange:
-    """Returns one round: the change from the lambda and labels that are held to those of a given xi and
-    mean.
-    """
+    """The change of one round, from the lambda and labels that are held to those of a given xi and mean."""
     new_curvature, new_labels = bound_curvature(np.sqrt(xi_squared)), expected_label(latent_mean, log_odds)
     change = 2 * (new_curvature - curvature)
     precisions, axes = np.linalg.eigh(np.eye(basis.shape[1]) + basis.T @ (change[:, None] * basis))
@@ -124,39 +150,52 @@ def fit_reading(
     log_odds: NDArray[np.float64],
     n_iterations: int,
 ) -> ReadingPosterior:
-    """Returns the posterior of z given the labels of a reading.
+    """The posterior of z given the labels of a reading: `n_iterations` rounds of the module's three lines.
+
+    The rounds begin with the xi of the prior belief, xi_n^2 = b_n b_n^T + m_n^2, but without m_n where the label
+    contradicts it, and with labels that speak for themselves.
 
     Args:
         prior_mean: Latent mean m at each point before the reading, shape (n,).
         basis: B, shape (n, r).
         log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
-        n_iterations: Rounds of lambda, then posterior.
+        n_iterations: Number of rounds, at least 1.
     """
-    # The first round lets a label speak for itself: a low prior alone would call every hit an error.
+    # With nothing but a low prior to go by, every hit would be called an error.
     labels = expected_label(0.0, log_odds)
     xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
-    posterior = _solve(xi_squared, prior_mean, basis, labels)
+    posterior = posterior_given_xi(xi_squared, prior_mean, basis, labels)
     (invert_triangle,) = get_lapack_funcs(("trtri",), (basis,))
     (multiply_triangle,) = get_blas_funcs(("trmm",), (basis,))
     for _ in range(n_iterations - 1):
         inverse = posterior.cholesky
-        if basis.shape[1]:  # LAPACK complains aloud of an empty matrix
+        # LAPACK prints a complaint about an empty matrix.
+        if basis.shape[1]:
             inverse, _ = invert_triangle(inverse, lower=True)
         spread = multiply_triangle(1.0, inverse, basis.T, lower=True)
         mean = prior_mean + basis @ posterior.mean
-        # xi^2 = phi Sigma' phi + (b + phi . mu')^2
+        # xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2
         xi_squared = np.einsum("rn,rn->n", spread, spread) + mean**2
-        posterior = _solve(xi_squared, prior_mean, basis, expected_label(mean, log_odds))
+        posterior = posterior_given_xi(xi_squared, prior_mean, basis, expected_label(mean, log_odds))
     return posterior
 
 
-def _solve(
+def posterior_given_xi(
     xi_squared: NDArray[np.float64],
     prior_mean: NDArray[np.float64],
     basis: NDArray[np.float64],
     labels: NDArray[np.float64],
 ) -> ReadingPosterior:
-    """Returns the posterior under the bound at given xi, from the prior N(0, I) of z."""
+    """The posterior N(z', D^-1) under the bound at a given xi, from the prior N(0, I) of z.
+
+    D = I + 2 B^T diag(lambda(xi)) B,   D z' = B^T (y - 1/2 - 2 lambda(xi) m)
+
+    Args:
+        xi_squared: xi_n^2 of each point, shape (n,).
+        prior_mean: Latent mean m at each point before the reading, shape (n,).
+        basis: B, shape (n, r).
+        labels: y, or its expectation, shape (n,).
+    """
     curvature = bound_curvature(np.sqrt(xi_squared))
     scaled = np.sqrt(2 * curvature)[:, None] * basis
     precision = scaled.T @ scaled

@@ -1,4 +1,4 @@
-"""The search points' lattice, refined: tumours of ten points are outlined by hundreds."""
+"""The search points' lattice, refined: where a tumour holds ten search points, it holds hundreds of fine ones."""
 
 from __future__ import annotations
 
@@ -14,30 +14,34 @@ from scipy.spatial import KDTree
 from .keyed_array import KeyedArray
 
 MAX_SPACING_M = 0.0045
-"""Largest spacing of a fine lattice [m]: finer than half the radius of the smallest tumour of interest."""
+"""Largest spacing of a fine lattice [m]: less than half the radius of the smallest tumour of interest."""
 
 
 @dataclass(frozen=True, eq=False)
 class FineLattice:
-    """Points between the search points, and how a value goes from these to those."""
+    """Points among and between the search points, and the interpolation from these to those."""
 
     points_m: NDArray[np.float64]
     """Fine points inside the organ [m, world], shape (F, 3)."""
     cell_m3: float
     """Volume for which each of them stands [m^3]."""
     _coordinates: NDArray[np.float64]
+    """Their coordinates in steps of the search points' lattice, shape (3, F)."""
     _shape: tuple[int, int, int]
+    """Shape of that lattice."""
     _source: NDArray[np.intp]
+    """The search point nearest to each of its places, shape (number of places,)."""
 
     def interpolate(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values at the search points, shape (M,), brought to the fine points, shape (F,): trilinear.
+        """Values at the fine points, shape (F,), by trilinear interpolation; beyond the organ the nearest value holds.
 
-        Beyond the organ the nearest search point's value holds.
+        Args:
+            values: Values at the search points, shape (M,).
         """
         return map_coordinates(values[self._source].reshape(self._shape), self._coordinates, order=1)
 
     def near(self, places_m: NDArray[np.float64], margin_m: float) -> NDArray[np.intp]:
-        """Indices of the fine points within a margin of some place, ascending.
+        """The indices of the fine points within a margin of some place, ascending.
 
         Args:
             places_m: Places [m], shape (P, 3).
@@ -53,7 +57,7 @@ class FineLattice:
 
 
 def fine_lattice(points_m: NDArray[np.float64]) -> FineLattice:
-    """The refined lattice of search points; kept for as long as the same array is asked for.
+    """The refined lattice of search points; it is kept, and returned again for the same array.
 
     Args:
         points_m: Points of a lattice aligned with the axes, some left out [m], shape (M, 3).

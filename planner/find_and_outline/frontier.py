@@ -1,4 +1,4 @@
-"""The frontier of what was found: unsensed places in and beside likely tumour, and the poses that see most of it."""
+"""The frontier of what was found: unsensed places in and beside likely tumour, and what each pose sees of them."""
 
 from __future__ import annotations
 
@@ -22,14 +22,26 @@ _CUBE_M = 0.03
 
 
 def probability_at(lattice: FineLattice, prediction: Prediction) -> NDArray[np.float64]:
-    """Probability of tumour at the fine points, shape (F,): of the interpolated score, which is smooth."""
+    """The probability of tumour at the fine points, shape (F,), from the interpolated score, which is smooth.
+
+    Args:
+        lattice: The fine points.
+        prediction: The belief at the search points.
+    """
     return expit(lattice.interpolate(prediction.score))
 
 
 def sensed_points(
     workspace: Workspace, cone: Cone, sensed: tuple[int, ...], points_m: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Which points lay in the cone of a sensed pose, shape (F,)."""
+    """Which points lay in the cone of a sensed pose, shape (F,).
+
+    Args:
+        workspace: The N poses.
+        cone: What one of them sees.
+        sensed: Indices of the poses sensed so far.
+        points_m: The points [m, world], shape (F, 3).
+    """
     if not sensed or not len(points_m):
         return np.zeros(len(points_m), dtype=bool)
     some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
@@ -39,13 +51,13 @@ def sensed_points(
 def seen_weight(
     workspace: Workspace, cone: Cone, points_m: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Sum of the weights of the points in each pose's cone, shape (N,).
+    """The sum of the weights of the points in each pose's cone, shape (N,).
 
     Args:
         workspace: The N poses.
         cone: What one of them sees.
         points_m: Points [m], shape (F, 3).
-        weights: Theirs, shape (F,).
+        weights: Their weights, shape (F,).
     """
     total = np.zeros(workspace.n_poses)
     if not len(points_m):
@@ -63,7 +75,7 @@ def seen_weight(
 
 
 def n_clusters(points_m: NDArray[np.float64], gap_m: float) -> int:
-    """How many clusters points form whose cubes of side `gap_m` do not touch.
+    """The number of clusters of points; those of two clusters lie in cubes that do not touch.
 
     Args:
         points_m: Points [m], shape (P, 3).
@@ -75,5 +87,6 @@ def n_clusters(points_m: NDArray[np.float64], gap_m: float) -> int:
     cubes -= cubes.min(axis=0)
     is_taken = np.zeros(cubes.max(axis=0) + 1, dtype=bool)
     is_taken[tuple(cubes.T)] = True
-    numbered: Any = label(is_taken, structure=np.ones((3, 3, 3)))  # the stubs know one of its two forms
+    # The stubs know one of the two forms of its result.
+    numbered: Any = label(is_taken, structure=np.ones((3, 3, 3)))
     return int(numbered[1])

@@ -1,8 +1,8 @@
-"""Balls that could still hide: what a search has to find, without being told the size of what it looks for.
+"""Balls that could still hide: they stand for what a search has to find, whose size it does not know.
 
 Quasi-random balls, even in place and in the logarithm of the radius, stand for every tumour that fits into the
 organ. A pose finds a ball when its cone reaches deep enough into it, so the table of poses and balls is a set system,
-and the next pose of a search is that which finds the most of the balls nobody has found.
+and the next pose of a search is the one that finds most of the balls that no pose has found.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from .keyed_array import KeyedArray
 _BALLS_AT_ONCE = 128
 """Balls per block of the dense table."""
 _BYTES_AT_ONCE = 2**19
-"""Of a part of a block, so that what is reckoned with it stays in the processor's cache."""
+"""Size of a part of a block, so that what is computed with it stays in the processor's cache."""
 _READINGS_TOGETHER = 8
-"""Readings asked in one go, and remembered together."""
+"""Readings that are looked up in one go, and whose result is kept as one."""
 _SPACINGS_TO_A_POINT = 1.0
-"""A drawn centre farther from the search points than this many of their spacings lies outside the organ."""
+"""A drawn centre that is farther from all search points than this many of their spacings lies outside the organ."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +38,14 @@ class BallPrior:
     """Which balls stand for the tumours that could be there."""
 
     n_balls: int = 3000
-    """Balls drawn; their error in a share of the organ is below 1 / sqrt(n)."""
+    """Number of balls; the error that they make in a share of the organ is below 1 / sqrt(n_balls)."""
     radius_range_m: tuple[float, float] = (0.008, 0.025)
-    """Radii [m], even in the logarithm. Smaller ones do hide, but a search that minds them finds all others later."""
+    """Least and largest radius [m], even in the logarithm. Smaller tumours do hide, but a search that minds them finds
+    all others later."""
     overlap_share: float = 0.75
     """How deep into a ball a cone has to reach to find it, as a share of the radius."""
     radius_power: float = 2.0
-    """Balls count by this power of their radius."""
+    """A ball's weight is this power of its radius."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +57,22 @@ class HiddenBalls:
     radii_m: NDArray[np.float64]
     """Radii [m], shape (B,)."""
     weights: NDArray[np.float32]
-    """What each ball counts, summing to 1, shape (B,)."""
+    """Weight of each ball, shape (B,); they add up to 1."""
     finds: sparse.csr_matrix
     """1 where a pose finds a ball, shape (N, B)."""
 
     def times_found(self, poses: tuple[int, ...]) -> NDArray[np.float32]:
-        """How many of the poses find each ball, shape (B,)."""
+        """The number of poses, among some, that find each ball, shape (B,)."""
         if not poses:
             return np.zeros(len(self.radii_m), dtype=np.float32)
         return np.asarray(self.finds[list(poses)].sum(axis=0), dtype=np.float32).ravel()
 
     def newly_found(self, weights: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Weight of the balls that each pose finds, shape (N,)."""
+        """The weight of the balls that each pose finds, shape (N,).
+
+        Args:
+            weights: What each ball still weighs, shape (B,).
+        """
         return self.finds @ weights
 
 
@@ -78,14 +83,14 @@ def hidden_balls(
     surface_distance_m: NDArray[np.float64] | None,
     prior: BallPrior,
 ) -> HiddenBalls:
-    """The balls that fit into an organ, with their table; kept for as long as the same arrays are asked for.
+    """The balls that fit into an organ, with their table; they are kept, and returned again for the same arrays.
 
     Args:
         workspace: The N poses.
         cone: What one of them sees.
         points_m: The search points [m, world], shape (M, 3).
         surface_distance_m: Their distance to the organ's surface [m], shape (M,); if None, balls may protrude.
-        prior: Which balls.
+        prior: Which balls there could be.
     """
     distance = None if surface_distance_m is None else KeyedArray(surface_distance_m)
     return _hidden_balls(workspace, cone, KeyedArray(points_m), distance, prior)
@@ -97,10 +102,10 @@ def still_hiding(
     false_negative_rate: float,
     false_positive_rate: float = 0.0,
 ) -> NDArray[np.float64]:
-    """What each ball counts in the light of the readings, shape (B,).
+    """The weight of each ball in the light of the readings, shape (B,).
 
-    A tumour calls the points inside it tumour, so each that was called free leaves the ball's weight times the rate of
-    false labels. A ball that holds a point believed to be tumour is not hidden and counts nothing.
+    Points inside a tumour are called tumour, so each point in a ball that was called free multiplies the ball's weight
+    by the rate of such false labels. A ball that holds a point believed to be tumour is not hidden, and weighs nothing.
 
     Args:
         balls: The balls.
@@ -122,13 +127,14 @@ def _left_by(
     false_negative_rate: float,
     false_positive_rate: float,
 ) -> NDArray[np.float64]:
-    """What some readings leave of each ball's weight, shape (B,); kept, since it is asked again after every action."""
+    """The share that some readings leave of each ball's weight, shape (B,); kept, since every action needs it again."""
     left = np.ones(len(balls.radii_m))
     free_m = [reading.points_m[~reading.is_occupied] for reading in readings]
     tumour_m = [reading.believed_tumour_m(false_positive_rate) for reading in readings]
     for points_m, rate in ((np.concatenate(tumour_m), 0.0), (np.concatenate(free_m), false_negative_rate)):
         if len(points_m):
-            tree = KDTree(points_m, balanced_tree=False, compact_nodes=False)  # quick to build, asked once
+            # Quick to build, since it answers one query.
+            tree = KDTree(points_m, balanced_tree=False, compact_nodes=False)
             left *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)
     return left
 
@@ -150,7 +156,8 @@ def _draw(
     points_m: NDArray[np.float64], distance_m: NDArray[np.float64] | None, prior: BallPrior
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centres and radii of balls inside the organ, from a Halton sequence."""
-    from scipy.stats import qmc  # slow to load, and only searches need it
+    # Loaded here, since it loads slowly and only searches need it.
+    from scipy.stats import qmc
 
     tree = KDTree(points_m)
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
@@ -175,7 +182,7 @@ def _draw(
 
 
 def _spacing_m(tree: KDTree) -> float:
-    """Median distance between neighbouring search points [m]."""
+    """The median distance between neighbouring search points [m]."""
     if tree.n < 2:
         return 0.0
     some = tree.data[:: max(1, tree.n // 200)]
@@ -197,7 +204,7 @@ def _finds(
 
 
 def distance_to_cones(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Signed distance of points to the cones' faces [m], negative inside, shape (M, N).
+    """The signed distance of points to the cones' faces [m], negative inside, shape (M, N).
 
     The larger of the distances to mantle and base: exact inside and beside them, too small beyond edge and apex.
 

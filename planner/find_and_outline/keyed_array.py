@@ -1,4 +1,4 @@
-"""An array as a key: two keys are equal when they hold the very same array."""
+"""An array as a key of what is kept: two keys are equal when they hold the very same array."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ class KeyedArray:
     array: NDArray[np.float64]
 
     def __hash__(self) -> int:
-        """Hash of the array's identity."""
+        """The hash of the array's identity."""
         return id(self.array)
 
     def __eq__(self, other: object) -> bool:

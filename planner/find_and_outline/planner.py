@@ -1,4 +1,4 @@
-"""Find and outline: search where most could still hide, and cover what was found to its edge."""
+"""The planner find-and-outline: it searches where most could still hide, and covers what was found to its edge."""
 
 from __future__ import annotations
 
@@ -22,60 +22,60 @@ from .tour import MAX_STOPS, shortest_tour
 _FAILURE_RADIUS_M = 0.008
 """Poses this near to one that the arm failed to reach are likely to fail too."""
 _AFTER_FAILURE = 0.5
-"""What such a pose's score is worth, for every failure near it."""
+"""Factor of such a pose's score for every failure near it."""
 _CANDIDATE_GAP_M = 0.02
-"""Where ways count, the best pose of each cube of this side is looked at [m]."""
+"""Where ways count, the best pose of each cube of this side is a candidate [m]."""
 _CLUSTER_GAP_M = 0.01
-"""Likely tumour farther apart than about this counts as two tumours [m]."""
+"""Places of likely tumour farther apart than about this count as two tumours [m]."""
 _SURE_RADIUS_RATIO = 1.25
-"""The largest of the balls that confidence is about is this much larger than the smallest."""
+"""Ratio of the largest radius to the smallest, of the balls that confidence is about."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FindAndOutline(Planner):
-    """Two jobs, weighed in one unit: the tumour volume that a pose is expected to newly see."""
+    """Ranks by the tumour volume that a pose is expected to newly see: found by a search, or outlined."""
 
     needs_belief: ClassVar[bool] = True
 
     margin_m: float = 0.007
     """Unsensed places within this distance of likely tumour may belong to it [m]."""
     floor: float = 0.15
-    """Least probability granted to such a place: the map's edges are not sharp enough to deny it."""
+    """Least probability that such a place is given: the map's edges are not sharp enough to deny it."""
     least_gain_m3: float = 5e-8
     """Expected tumour volume that a pose has to add to be worth an outlining action [m^3]."""
     hidden_m3: float = 6e-6
     """Tumour volume that a search of the whole organ is expected to find [m^3]: weighs finding against outlining."""
     hidden_ratio: float = 1.0
-    """What it is expected to find besides, as a share of the volume found so far: where much was, more may be."""
+    """What it is expected to find beyond that, as a share of the volume found so far: where much was, more may be."""
     fading: float = 0.03
-    """What a ball still counts each time that it was looked at and nothing was found."""
+    """Factor of a ball's weight for each time that a pose looked at it and found nothing."""
     travel_weight: float = 0.0
     """How much a second of transfer counts against one of sensing: 0 for the fewest actions, more for shorter ways."""
     batch: int = 1
-    """Poses that the search chooses together at each action, to go to the first of the shortest way through them."""
+    """Number of poses that the search chooses together; it goes to the first one on the shortest way through them."""
     sure_radius_m: float = 0.008
-    """Confidence that nothing is left speaks of tumours of this radius and more [m]."""
+    """Radius of the smallest tumours of which the confidence says that none is left [m]."""
     balls: BallPrior = field(default_factory=BallPrior)
-    """What the search takes for possible."""
+    """The balls that the search takes to be possible."""
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Checks the ranges."""
         for name in ("margin_m", "least_gain_m3", "hidden_m3", "sure_radius_m"):
             if not 0.0 < getattr(self, name) < np.inf:
-                raise PlannerError(f"{name} must be above 0 and finite, got {getattr(self, name)}")
+                raise PlannerError(f"`{name}` must be above 0 and finite, got {getattr(self, name)}")
         for name in ("floor", "fading"):
             if not 0.0 <= getattr(self, name) < 1.0:
-                raise PlannerError(f"{name} must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
+                raise PlannerError(f"`{name}` must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
         for name in ("hidden_ratio", "travel_weight"):
             if not 0.0 <= getattr(self, name) < np.inf:
-                raise PlannerError(f"{name} must be 0 or above and finite, got {getattr(self, name)}")
+                raise PlannerError(f"`{name}` must be 0 or above and finite, got {getattr(self, name)}")
         if not 1 <= self.batch <= MAX_STOPS:
-            raise PlannerError(f"batch must be 1 to {MAX_STOPS}, got {self.batch}")
+            raise PlannerError(f"`batch` must be 1 to {MAX_STOPS}, got {self.batch}")
 
     def rank(self, situation: Situation) -> Iterator[int]:
         """The poses by the tumour volume that they outline and are expected to find, most first.
 
-        Poses near one that fails while the ranking is read come later than they would have.
+        Poses near one that fails while the ranking is read come later than they would have. See `Planner.rank`.
         """
         workspace = situation.workspace
         is_left = situation.available(exclude_sensed=True)
@@ -104,7 +104,7 @@ class FindAndOutline(Planner):
         return [int(poses[i]) for i in order if np.isfinite(seconds[i]) and merit[i] > 0.0]
 
     def _tour(self, situation: Situation, is_left: NDArray[np.bool_]) -> list[int]:
-        """The batch of poses that together find most, greedily chosen, in the order of the shortest way."""
+        """The batch of poses that together find most, chosen greedily, in the order of the shortest way."""
         chosen: list[int] = []
         for _ in range(min(self.batch, int(is_left.sum()))):
             score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
@@ -124,7 +124,15 @@ class FindAndOutline(Planner):
         return float(np.max(outline, where=is_left, initial=0.0)) >= self.least_gain_m3
 
     def score(self, situation: Situation) -> NDArray[np.float64]:
-        """Tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above."""
+        """The tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above.
+
+            score = V search + outline,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
+
+        An outline below `least_gain_m3` counts as none.
+
+        Args:
+            situation: What is known so far.
+        """
         share = self.search_score(situation)
         if not situation.sensed:
             return self.hidden_m3 * share
@@ -133,13 +141,27 @@ class FindAndOutline(Planner):
         return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
-        """Share of what could still hide that each pose would find, shape (N,)."""
+        """The share of what could still hide that each pose would find, shape (N,).
+
+            search = sum over balls b that the pose finds of  w_b fading^(times b was found)
+
+        Args:
+            situation: What is known so far.
+        """
         balls = self._hidden(situation)
         left = balls.weights * self.fading ** balls.times_found(situation.sensed)
         return balls.newly_found(left.astype(np.float32)).astype(np.float64)
 
     def outline_score(self, situation: Situation) -> NDArray[np.float64]:
-        """Tumour volume in and beside what was found that each pose would newly see [m^3], expected, shape (N,)."""
+        """The expected tumour volume in and beside what was found that each pose would newly see [m^3], shape (N,).
+
+            outline = v sum over open points x in the pose's cone of  max(p(x), floor),   v the volume of a cell
+
+        Open points lie within `margin_m` of likely tumour and in no cone so far.
+
+        Args:
+            situation: What is known so far.
+        """
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = _probability(lattice, situation)
@@ -150,11 +172,14 @@ class FindAndOutline(Planner):
         return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
 
     def confidence(self, situation: Situation) -> float:
-        """Probability that no tumour of the radius or more is left to find; 0 while one is left to outline.
+        """The probability that no tumour of `sure_radius_m` or more is left to find; 0 while one is left to outline.
 
         The number of tumours is Poisson of unknown rate, any rate being as likely as any other. With k found among
         the share C of what could hide, the rate is Gamma(k + 1, C), and none is left with probability C^(k + 1).
-        Of tumours of at least a radius the smallest hide best, so C is that of balls hardly larger.
+        Of the tumours of at least that radius the smallest hide best, so C is the share of balls hardly larger.
+
+        Args:
+            situation: What is known so far.
         """
         if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
             return 0.0
@@ -182,14 +207,16 @@ class FindAndOutline(Planner):
 
 
 def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
-    """Lower the scores, in place, of poses near those that the arm failed to reach."""
+    """Lowers the scores, in place, of poses near those that the arm failed to reach."""
     for failed in situation.skipped:
         score[situation.workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
 
 
 def _prediction(situation: Situation) -> Prediction:
     if situation.prediction is None:
-        raise PlannerError("find-and-outline needs the map's prediction at the search points; got None")
+        raise PlannerError(
+            "find-and-outline needs the map's prediction at the search points, but there is none"
+        )
     return situation.prediction
 
 
@@ -198,7 +225,7 @@ def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float
 
 
 def _likely_m3(situation: Situation) -> float:
-    """Volume where the map takes tumour to be likelier than not [m^3]."""
+    """The volume in which the map takes tumour to be likelier than not [m^3]."""
     lattice = fine_lattice(situation.search_points_m)
     share = float(np.mean(_prediction(situation).score > 0.0))
     return share * lattice.cell_m3 * len(lattice.points_m)
@@ -207,9 +234,9 @@ def _likely_m3(situation: Situation) -> float:
 def _likely_tumour_m(
     lattice: FineLattice, probability: NDArray[np.float64], situation: Situation
 ) -> NDArray[np.float64]:
-    """Where tumour is likely [m], shape (P, 3): by the map, or by labels that can be believed.
+    """The places where tumour is likely [m], shape (P, 3): by the map, or by labels that can be believed.
 
-    The map smooths over a few labels of tumour among many of none, such as a cone that grazes one returns.
+    The map smooths away a few labels of tumour among many of none, such as a cone that grazes one returns.
     """
     rate = situation.false_positive_rate
     believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings]

@@ -1,4 +1,4 @@
-"""A tour: the order in which a few poses are visited with the least way."""
+"""A tour: the order in which a few stops are visited on the shortest way."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 MAX_STOPS = 12
-"""More stops than this take too long to order exactly."""
+"""Largest number of stops: more would take too long to order exactly."""
 
 
 def shortest_tour(first: ArrayLike, between: ArrayLike) -> list[int]:
@@ -17,13 +17,14 @@ def shortest_tour(first: ArrayLike, between: ArrayLike) -> list[int]:
         between: Cost of going from stop to stop, shape (k, k).
 
     Raises:
-        ValueError: No stop, or more than `MAX_STOPS`.
+        ValueError: If there is no stop, or there are more than `MAX_STOPS`.
     """
     start, cost = np.asarray(first, dtype=np.float64), np.asarray(between, dtype=np.float64)
     k = len(start)
     if not 1 <= k <= MAX_STOPS:
         raise ValueError(f"a tour has 1 to {MAX_STOPS} stops, got {k}")
-    best = np.full((1 << k, k), np.inf)  # of the ways through a set of stops that end at one of them
+    # The least cost of the ways through a set of stops, a bit mask, that end at one of them.
+    best = np.full((1 << k, k), np.inf)
     before = np.zeros((1 << k, k), dtype=np.intp)
     best[1 << np.arange(k), np.arange(k)] = start
     for visited in range(1, 1 << k):

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mapping import InsetSettings, MapSettings, TumourMapFactory, make_hilbert_map
-from planner import Planner, make_planner
+from planner import Planner, make_planner, planner_names
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
-from sim.plugs import MAP, PLANNER, SENSOR, is_plug, load_plug, make_plug, parse_plug_options
+from sim.plugs import MAP, PLANNER, SENSOR, load_plug, make_plug, parse_plug_options
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 from .arm_place import arm_of
@@ -110,7 +110,7 @@ def check_config(config: EpisodeConfig) -> None:
     scenario_of(config)
     motion_settings_of(config)
     servo_settings_of(config)
-    if not is_plug(config.planner, PLANNER):
+    if config.planner in planner_names():
         map_settings_of(config, planner_of(config))
 
 
@@ -148,7 +148,7 @@ def planner_of(config: EpisodeConfig) -> Planner:
     Raises:
         PlannerError, PlugError: It cannot be made.
     """
-    if is_plug(config.planner, PLANNER):
+    if config.planner not in planner_names():
         return _own(config.planner, PLANNER, config.planning.planner_option)
     if config.planning.planner_option:
         raise FieldError(
@@ -255,7 +255,7 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
 def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     """What makes the map, None where none is kept."""
     kept = config.mapping.map
-    if is_plug(kept, MAP):
+    if kept not in (ALWAYS, WHEN_NEEDED):
         load_plug(kept, MAP)  # a text that leads nowhere is told before anything is built
         options = parse_plug_options(config.mapping.map_option)
         return lambda space: make_plug(kept, MAP, options, space)

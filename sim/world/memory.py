@@ -1,4 +1,4 @@
-"""How much memory a file may take: asked before anything of it is read."""
+"""How much memory a file may take, which is checked before anything of it is read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CONTAINER_LIMIT = Path("/sys/fs/cgroup/memory.max")
 
 
 def spare_bytes() -> float:
-    """Bytes that one file may take, of the machine's memory or of what its container may take."""
+    """The bytes that one file may take: a share of the machine's memory, or of its container's if that is less."""
     return MEMORY_SHARE * _memory_bytes()
 
 

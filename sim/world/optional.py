@@ -1,4 +1,4 @@
-"""Packages that not everybody needs: imported when first wanted, with the extra to install in the error."""
+"""Packages that not everybody needs: they are imported on first use, and the error names the extra to install."""
 
 import importlib
 from types import ModuleType

@@ -81,13 +81,13 @@ def test_default_compression_moves_no_probability_by_more_than_a_thousandth():
 def test_a_smaller_tolerance_comes_closer():
     errors = []
     for tolerance in (1e-4, 1e-6, 1e-8):
-        trial = make_map(tolerance=tolerance)
-        reference = make_reference(trial)
+        tumour_map = make_map(tolerance=tolerance)
+        reference = make_reference(tumour_map)
         for points_m, is_occupied in readings(6):
-            trial.update(points_m, is_occupied)
+            tumour_map.update(points_m, is_occupied)
             reference.update(points_m, is_occupied)
-        _, _, probability = reference.predict(trial.query_points_m())
-        errors.append(np.abs(trial.predict_lattice().probability - probability).max())
+        _, _, probability = reference.predict(tumour_map.query_points_m())
+        errors.append(np.abs(tumour_map.predict_lattice().probability - probability).max())
     assert errors[0] > 2 * errors[1] > 4 * errors[2]
 
 
@@ -104,10 +104,10 @@ def test_diagonal_form_equals_its_dense_form():
 
 @pytest.mark.parametrize("form", ["full", "diagonal"])
 def test_any_point_is_predicted_as_the_lattice_is(form):
-    trial = make_map(form=form)
+    tumour_map = make_map(form=form)
     for points_m, is_occupied in readings(4):
-        trial.update(points_m, is_occupied)
-    anywhere, carried = trial.predict(trial.query_points_m()), trial.predict_lattice()
+        tumour_map.update(points_m, is_occupied)
+    anywhere, carried = tumour_map.predict(tumour_map.query_points_m()), tumour_map.predict_lattice()
     # Both leave out what lies below the tolerance of 1e-6, the one per query and the other per reading.
     np.testing.assert_allclose(anywhere.probability, carried.probability, atol=3e-4)
     np.testing.assert_allclose(anywhere.latent_variance, carried.latent_variance, atol=1e-3)
@@ -115,17 +115,17 @@ def test_any_point_is_predicted_as_the_lattice_is(form):
 
 @pytest.mark.parametrize("prevalence", [0.5, 0.05, 0.001])
 def test_without_data_every_point_has_the_prior_prevalence(prevalence):
-    trial = make_map(prior_prevalence=prevalence)
-    np.testing.assert_allclose(trial.predict_lattice().probability, prevalence, rtol=1e-12)
+    tumour_map = make_map(prior_prevalence=prevalence)
+    np.testing.assert_allclose(tumour_map.predict_lattice().probability, prevalence, rtol=1e-12)
 
 
 def test_far_from_data_the_prior_returns():
-    trial = make_map()
+    tumour_map = make_map()
     rng = np.random.default_rng(0)
-    trial.update(rng.uniform((-0.04, -0.04, -0.06), (-0.03, 0.04, 0.0), (200, 3)), np.zeros(200))
+    tumour_map.update(rng.uniform((-0.04, -0.04, -0.06), (-0.03, 0.04, 0.0), (200, 3)), np.zeros(200))
     far_m = np.array([[0.04, 0.0, -0.03], [0.035, 0.03, 0.0]])
     # Six spacings away the kernel is 1e-11, but the weights between pass a little on.
-    np.testing.assert_allclose(trial.predict(far_m).probability, 0.02, rtol=5e-3)
+    np.testing.assert_allclose(tumour_map.predict(far_m).probability, 0.02, rtol=5e-3)
 
 
 def test_a_reading_in_one_piece_or_by_halves_says_nearly_the_same():
@@ -140,20 +140,20 @@ def test_a_reading_in_one_piece_or_by_halves_says_nearly_the_same():
 
 
 def test_an_empty_reading_changes_nothing():
-    trial = make_map()
-    before = trial.predict_lattice().latent_mean
-    report = trial.update(np.zeros((0, 3)), np.zeros(0))
+    tumour_map = make_map()
+    before = tumour_map.predict_lattice().latent_mean
+    report = tumour_map.update(np.zeros((0, 3)), np.zeros(0))
     assert report.n_points == 0
-    np.testing.assert_array_equal(trial.predict_lattice().latent_mean, before)
+    np.testing.assert_array_equal(tumour_map.predict_lattice().latent_mean, before)
 
 
 def test_one_occupied_point_raises_and_one_free_point_lowers_its_probability():
     point_m = np.array([[0.0, 0.0, -0.03]])
     for label, sign in ((1, 1), (0, -1)):
-        trial = make_map()
-        before = trial.predict(point_m)
-        trial.update(point_m, [label])
-        after = trial.predict(point_m)
+        tumour_map = make_map()
+        before = tumour_map.predict(point_m)
+        tumour_map.update(point_m, [label])
+        after = tumour_map.predict(point_m)
         assert sign * (after.latent_mean - before.latent_mean)[0] > 0
         assert after.latent_variance[0] < before.latent_variance[0]
 
@@ -168,8 +168,8 @@ def test_hinges_out_of_reach_may_be_dropped():
     rng = np.random.default_rng(3)
     points_m = rng.uniform((-0.04, -0.04, -0.06), (-0.025, 0.04, 0.0), (200, 3))
     is_occupied = points_m[:, 2] < -0.03
-    for trial in (kept, masked):
-        trial.update(points_m, is_occupied)
+    for tumour_map in (kept, masked):
+        tumour_map.update(points_m, is_occupied)
     assert masked.n_weights == near.sum() < kept.n_weights
     # The dropped hinges lie 4 spacings or more from the data: features below 2e-5.
     np.testing.assert_allclose(
@@ -187,10 +187,10 @@ def test_hinges_out_of_reach_may_be_dropped():
     ],
 )
 def test_a_malformed_reading_is_refused_and_leaves_the_map_alone(points_m, labels, complaint):
-    trial = make_map()
+    tumour_map = make_map()
     with pytest.raises(ValueError, match=complaint):
-        trial.update(points_m, labels)
-    np.testing.assert_allclose(trial.predict_lattice().probability, 0.02, rtol=1e-12)
+        tumour_map.update(points_m, labels)
+    np.testing.assert_allclose(tumour_map.predict_lattice().probability, 0.02, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

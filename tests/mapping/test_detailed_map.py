@@ -156,10 +156,10 @@ def test_revising_reaches_the_finer_maps_too():
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"hinge_spacing_m": 0.0}, "hinge_spacing_m must be positive"),
-        ({"margin_m": np.nan}, "margin_m must be positive"),
-        ({"tolerance": 1.0}, "tolerance must lie"),
-        ({"max_hinges": 0}, "max_hinges must be"),
+        ({"hinge_spacing_m": 0.0}, "`hinge_spacing_m` must be positive"),
+        ({"margin_m": np.nan}, "`margin_m` must be positive"),
+        ({"tolerance": 1.0}, "`tolerance` must lie"),
+        ({"max_hinges": 0}, "`max_hinges` must be"),
     ],
 )
 def test_settings_out_of_range_are_refused(change, text):

@@ -141,7 +141,7 @@ def arrays(tmp_path_factory):
     [
         ({"version": np.array(99)}, "of version 99; this release reads version 1"),
         ({"inset_settings": None}, "'inset_settings' is missing"),
-        ({"inset_settings": np.array('{"margin_m": -1}')}, "margin_m must be positive"),
+        ({"inset_settings": np.array('{"margin_m": -1}')}, "`margin_m` must be positive"),
         ({"inset_settings": np.array('{"colour": 1}')}, "colour"),
         ({"inset_settings": np.array("{")}, "Expecting property name"),
         ({"coarse/mean": None}, "'mean' is missing"),

@@ -69,7 +69,7 @@ def test_expected_label_is_bayes_rule():
 
 @pytest.mark.parametrize("rates", [(-0.1, 0.0), (0.5, 0.5), (np.nan, 0.0)])
 def test_rates_that_are_no_rates_are_refused(rates):
-    with pytest.raises(ValueError, match="false_positive_rate and false_negative_rate"):
+    with pytest.raises(ValueError, match="`false_positive_rate` and `false_negative_rate`"):
         MapSettings(false_positive_rate=rates[0], false_negative_rate=rates[1])
 
 
@@ -91,11 +91,11 @@ def test_knowing_the_error_rates_beats_not_knowing_them():
             points_m = rng.uniform(*box_m, (150, 3))
             label = np.linalg.norm(points_m - centre_m, axis=1) < 0.012
             label ^= rng.random(150) < 0.05
-            for trial in maps.values():
-                trial.update(points_m, label)
-        for rate, trial in maps.items():
-            truth = np.linalg.norm(trial.query_points_m() - centre_m, axis=1) < 0.012
-            scores[rate].append(evaluate_map(trial.predict_lattice(), truth))
+            for tumour_map in maps.values():
+                tumour_map.update(points_m, label)
+        for rate, tumour_map in maps.items():
+            truth = np.linalg.norm(tumour_map.query_points_m() - centre_m, axis=1) < 0.012
+            scores[rate].append(evaluate_map(tumour_map.predict_lattice(), truth))
     for measure, sign in (("auprc", 1), ("log_loss", -1)):
         ignorant, informed = (np.mean([getattr(s, measure) for s in scores[rate]]) for rate in (0.0, 0.05))
         assert sign * (informed - ignorant) > 0, measure

@@ -21,13 +21,13 @@ def make_map(form, **changes):
     )
 
 
-def learn(*trials, n_readings=12):
+def learn(*tumour_maps, n_readings=12):
     rng = np.random.default_rng(0)
     for _ in range(n_readings):
         low_m = np.array([rng.uniform(-0.1, 0.06), -0.02, -0.04])
         points_m = low_m + rng.uniform(0, 0.04, (150, 3))
-        for trial in trials:
-            trial.update(points_m, np.linalg.norm(points_m - (0.0, 0.0, -0.02), axis=1) < 0.012)
+        for tumour_map in tumour_maps:
+            tumour_map.update(points_m, np.linalg.norm(points_m - (0.0, 0.0, -0.02), axis=1) < 0.012)
 
 
 def test_local_form_agrees_with_the_whole_covariance():

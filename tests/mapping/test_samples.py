@@ -17,15 +17,15 @@ def make_map(**changes):
     )
 
 
-def learn(trial, n_readings):
+def learn(tumour_map, n_readings):
     rng = np.random.default_rng(3)
     for _ in range(n_readings):
         points_m = rng.uniform((-0.03, -0.03, -0.035), (0.01, 0.01, 0.0), (100, 3))
-        trial.update(points_m, np.linalg.norm(points_m - (-0.01, -0.01, -0.02), axis=1) < 0.012)
+        tumour_map.update(points_m, np.linalg.norm(points_m - (-0.01, -0.01, -0.02), axis=1) < 0.012)
 
 
-def assert_draws_agree(trial):
-    draws, belief = trial.sample_lattice(), trial.predict_lattice()
+def assert_draws_agree(tumour_map):
+    draws, belief = tumour_map.sample_lattice(), tumour_map.predict_lattice()
     standard_error = belief.latent_std / np.sqrt(N_SAMPLES)
     # 252 points: five standard errors leave a chance of 1e-4 that any of them strays by luck.
     assert np.all(np.abs(draws.mean(axis=0) - belief.latent_mean) < 5 * standard_error + 1e-9)
@@ -36,34 +36,35 @@ def assert_draws_agree(trial):
 
 @pytest.mark.parametrize(("form", "n_before"), [("full", 0), ("full", 2), ("local", 0), ("diagonal", 2)])
 def test_mean_and_variance_of_the_draws_are_those_of_the_map(form, n_before):
-    trial = make_map(form=form)
-    learn(trial, n_before)
-    trial.carry_samples(N_SAMPLES, rng=np.random.default_rng(0))
-    assert_draws_agree(trial)
-    learn(trial, 3)
-    assert_draws_agree(trial)
+    tumour_map = make_map(form=form)
+    learn(tumour_map, n_before)
+    tumour_map.carry_samples(N_SAMPLES, rng=np.random.default_rng(0))
+    assert_draws_agree(tumour_map)
+    learn(tumour_map, 3)
+    assert_draws_agree(tumour_map)
 
 
 def test_draws_carry_the_covariance_between_points():
-    trial = make_map()
-    trial.carry_samples(N_SAMPLES, rng=np.random.default_rng(1))
-    learn(trial, 3)
-    query_m = trial.query_points_m()
+    tumour_map = make_map()
+    tumour_map.carry_samples(N_SAMPLES, rng=np.random.default_rng(1))
+    learn(tumour_map, 3)
+    query_m = tumour_map.query_points_m()
     Phi = np.exp(
-        -trial.settings.gamma_per_m2 * ((query_m[:, None] - trial.hinges.points_m()) ** 2).sum(axis=2)
+        -tumour_map.settings.gamma_per_m2
+        * ((query_m[:, None] - tumour_map.hinges.points_m()) ** 2).sum(axis=2)
     )
-    covariance = Phi @ trial.belief.covariance.matrix @ Phi.T
+    covariance = Phi @ tumour_map.belief.covariance.matrix @ Phi.T
     scale = np.sqrt(np.diag(covariance))
     # A sample correlation of 4,000 draws strays by 1/sqrt(4000) = 0.016; five of those over 63,000 pairs.
-    difference = (np.cov(trial.sample_lattice().T) - covariance) / np.outer(scale, scale)
+    difference = (np.cov(tumour_map.sample_lattice().T) - covariance) / np.outer(scale, scale)
     assert np.abs(difference).max() < 0.1
 
 
 def test_the_same_generator_gives_the_same_draws():
     first, second = make_map(), make_map()
-    for trial in (first, second):
-        trial.carry_samples(5, rng=np.random.default_rng(7))
-        learn(trial, 2)
+    for tumour_map in (first, second):
+        tumour_map.carry_samples(5, rng=np.random.default_rng(7))
+        learn(tumour_map, 2)
     np.testing.assert_array_equal(first.sample_lattice(), second.sample_lattice())
 
 

@@ -10,66 +10,66 @@ BOX_M = ((-0.02, -0.02, -0.02), (0.02, 0.02, 0.0))
 
 def learnt_map(**changes):
     hinges, query = (Lattice.from_box(*BOX_M, spacing_m=spacing_m) for spacing_m in (0.01125, 0.007))
-    trial = HilbertMap(
+    tumour_map = HilbertMap(
         hinges,
         MapSettings(**changes),
         query=query,
         query_mask=query.points_m()[:, 0] < 0.01,
         hinge_mask=hinges.points_m()[:, 0] < 0.012,
     )
-    learn(trial)
-    return trial
+    learn(tumour_map)
+    return tumour_map
 
 
-def learn(trial, seed=0):
+def learn(tumour_map, seed=0):
     points_m = np.random.default_rng(seed).uniform(*BOX_M, (60, 3))
-    trial.update(points_m, points_m[:, 2] < -0.01)
+    tumour_map.update(points_m, points_m[:, 2] < -0.01)
 
 
 @pytest.mark.parametrize("form", ["full", "local", "diagonal"])
 def test_a_saved_map_answers_and_learns_as_before(form, tmp_path):
-    trial = learnt_map(form=form, prior_prevalence=0.03)
-    trial.save(tmp_path / "map.npz")
+    tumour_map = learnt_map(form=form, prior_prevalence=0.03)
+    tumour_map.save(tmp_path / "map.npz")
     loaded = HilbertMap.load(tmp_path / "map.npz")
-    assert loaded.settings == trial.settings
+    assert loaded.settings == tumour_map.settings
     for _ in range(2):
-        np.testing.assert_array_equal(loaded.predict_lattice().score, trial.predict_lattice().score)
-        np.testing.assert_array_equal(loaded.query_points_m(), trial.query_points_m())
-        for belief in (loaded, trial):
+        np.testing.assert_array_equal(loaded.predict_lattice().score, tumour_map.predict_lattice().score)
+        np.testing.assert_array_equal(loaded.query_points_m(), tumour_map.query_points_m())
+        for belief in (loaded, tumour_map):
             learn(belief)
     assert list(tmp_path.iterdir()) == [tmp_path / "map.npz"]
 
 
 @pytest.mark.parametrize("form", ["full", "local"])
 def test_a_saved_map_revises_its_readings_as_before(form, tmp_path):
-    trial = learnt_map(form=form)
-    learn(trial, seed=1)
-    trial.save(tmp_path / "map.npz")
+    tumour_map = learnt_map(form=form)
+    learn(tumour_map, seed=1)
+    tumour_map.save(tmp_path / "map.npz")
     loaded = HilbertMap.load(tmp_path / "map.npz")
-    assert loaded.revise() == trial.revise() > 0.0
-    np.testing.assert_array_equal(loaded.predict_lattice().score, trial.predict_lattice().score)
+    assert loaded.revise() == tumour_map.revise() > 0.0
+    np.testing.assert_array_equal(loaded.predict_lattice().score, tumour_map.predict_lattice().score)
 
 
 def test_a_covariance_that_rounds_differently_above_and_below_its_diagonal_comes_back_to_the_bit(tmp_path):
-    trial = learnt_map()
+    tumour_map = learnt_map()
     # As BLAS may leave it in the product of a large plane of hinges with itself.
-    Sigma = trial.belief.covariance.matrix
+    Sigma = tumour_map.belief.covariance.matrix
     Sigma[2, 7] = np.nextafter(Sigma[2, 7], np.inf)
-    trial.save(tmp_path / "map.npz")
+    tumour_map.save(tmp_path / "map.npz")
     loaded = HilbertMap.load(tmp_path / "map.npz").belief.covariance.matrix
     assert loaded[2, 7] != loaded[7, 2]
     np.testing.assert_array_equal(loaded, Sigma)
 
 
 def test_a_caller_who_uses_his_array_again_does_not_change_what_was_learnt():
-    trial, other = learnt_map(), learnt_map()
+    tumour_map, other = learnt_map(), learnt_map()
     points_m = np.random.default_rng(2).uniform(*BOX_M, (60, 3))
-    for each, given_m in ((trial, points_m.copy()), (other, points_m)):
+    for each, given_m in ((tumour_map, points_m.copy()), (other, points_m)):
         each.update(given_m, points_m[:, 2] < -0.01)
     points_m[:] = 0.0
-    trial.revise()
+    tumour_map.revise()
     other.revise()
-    np.testing.assert_array_equal(other.predict_lattice().score, trial.predict_lattice().score)
+    np.testing.assert_array_equal(other.predict_lattice().score, tumour_map.predict_lattice().score)
 
 
 def saved_arrays(tmp_path):
@@ -114,7 +114,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
         ({"version": np.array(99)}, "of version 99"),
         ({"mean": None}, "'mean' is missing"),
         ({"settings": None}, "'settings' is missing"),
-        ({"settings": np.array('{"gamma_per_m2": -1}')}, "gamma_per_m2 must be positive"),
+        ({"settings": np.array('{"gamma_per_m2": -1}')}, "`gamma_per_m2` must be positive"),
         ({"mean": np.zeros(3)}, r"'mean' has shape \(3,\)"),
         ({"mean": np.inf}, "'mean' is not finite"),
         ({"covariance": -1.0}, "not positive definite"),

@@ -14,12 +14,12 @@ def blas_threads():
 
 def test_a_reading_runs_on_one_thread_and_gives_the_others_back(monkeypatch):
     seen = []
-    trial = HilbertMap(Lattice.from_box(*BOX_M, spacing_m=0.01125), MapSettings())
-    learn = trial.belief.learn
+    tumour_map = HilbertMap(Lattice.from_box(*BOX_M, spacing_m=0.01125), MapSettings())
+    learn = tumour_map.belief.learn
     monkeypatch.setattr(
-        trial.belief, "learn", lambda *reading: seen.append(blas_threads()) or learn(*reading)
+        tumour_map.belief, "learn", lambda *reading: seen.append(blas_threads()) or learn(*reading)
     )
     with threadpool_limits(2, user_api="blas"):
-        trial.update(np.full((3, 3), 0.02), [True, False, True])
+        tumour_map.update(np.full((3, 3), 0.02), [True, False, True])
         assert blas_threads() == {2}
     assert seen == [{1}]

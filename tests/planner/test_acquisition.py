@@ -70,7 +70,7 @@ def test_a_belief_that_is_not_finite_is_refused(mean):
 
 
 def test_a_negative_margin_is_refused():
-    with pytest.raises(PlannerError, match="xi must be 0 or above"):
+    with pytest.raises(PlannerError, match="`xi` must be 0 or above"):
         expected_improvement(0.0, 1.0, incumbent=0.0, xi=-1.0)
 
 

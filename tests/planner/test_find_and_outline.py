@@ -58,8 +58,7 @@ def test_the_search_is_greedy_and_every_gain_is_at_most_the_one_before():
     table, left, sensed = balls.finds.toarray(), balls.weights.astype(float), []
     gains = []
     for _ in range(12):
-        asked = situation(workspace=workspace, sensed=sensed)
-        object.__setattr__(asked, "search_points_m", POINTS)
+        asked = replace(situation(workspace=workspace, sensed=sensed), search_points_m=POINTS)
         score = planner.search_score(asked)
         np.testing.assert_allclose(score, table @ left, atol=1e-6)  # float32
         sensed.append(next(iter(planner.rank(asked))))
@@ -281,13 +280,13 @@ def test_clusters_are_counted():
 
 
 def test_options_out_of_range_and_a_missing_belief_are_refused():
-    with pytest.raises(PlannerError, match="margin_m must be above 0"):
+    with pytest.raises(PlannerError, match="`margin_m` must be above 0"):
         FindAndOutline(margin_m=0.0)
     with pytest.raises(PlannerError, match="fading"):
         FindAndOutline(fading=1.0)
     with pytest.raises(PlannerError, match="travel_weight"):
         FindAndOutline(travel_weight=-1.0)
-    with pytest.raises(PlannerError, match="batch must be 1 to 12"):
+    with pytest.raises(PlannerError, match="`batch` must be 1 to 12"):
         FindAndOutline(batch=13)
     with pytest.raises(ValueError, match="a tour has 1 to 12 stops"):
         shortest_tour([], [])

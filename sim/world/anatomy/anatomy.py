@@ -106,11 +106,11 @@ def build_anatomy(
         tumours: The tumours in the same frame; none is allowed.
         name: What to call it in outputs.
         rng: Source of the detection points.
-        notices: What is to be said of it already, for instance by the loader.
+        notices: What a user should know of it already, for instance from the loader.
         tumour_names: What to call each tumour in messages; "tumour 1", "tumour 2", ... by default.
         n_detection_points: Detection points per tumour.
         structures: What lies in or about the organ, in the same frame.
-        target: The second class, if there is one; what is to be said of it is said of the whole.
+        target: The second class, if there is one; its notices become those of the whole.
 
     Returns:
         The anatomy.

@@ -46,7 +46,8 @@ def ellipsoid(at: Coordinates, centre: ArrayLike, radii: ArrayLike, axes: ArrayL
         local = [sum((turn[j, i] * local[j] for j in range(3)), start=np.float32(0.0)) for i in range(3)]
     scaled = np.sqrt(sum((local[i] / r[i]) ** 2 for i in range(3)))
     slope = np.sqrt(sum((local[i] / r[i] ** 2) ** 2 for i in range(3)))
-    at_centre = slope < 1e-9  # the limit there depends on the direction: take the shortest half-axis
+    # At the centre the limit depends on the direction: the shortest half-axis is taken.
+    at_centre = slope < 1e-9
     length = np.where(at_centre, r.min(), scaled / np.where(at_centre, 1.0, slope))
     return np.asarray((scaled - 1.0) * length, dtype=np.float32)
 
@@ -98,6 +99,7 @@ def waves(
 
 
 def _along_segment(at: Coordinates, start: ArrayLike, end: ArrayLike) -> tuple[Field, Field]:
+    """How far along a segment each point is (0 to 1), and its distance from the segment."""
     a, b = np.asarray(start, dtype=np.float32), np.asarray(end, dtype=np.float32)
     direction = b - a
     squared = max(float(direction @ direction), 1e-9)

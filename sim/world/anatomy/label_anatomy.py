@@ -39,10 +39,7 @@ LEAST_STRUCTURE_M3 = 0.05e-6
 """Smaller structures are left out [m^3]."""
 
 NEAR_ORGAN_M = 0.03
-"""Structures are kept as far as this beyond the organ's bounding box [m]: the aorta goes on to the legs."""
-
-WRONG_SPACING_M = 1e-3
-"""A spacing of exactly this along every axis is what a lost header says [m]."""
+"""Structures are kept up to this far beyond the organ's bounding box [m]: the aorta goes on to the legs."""
 
 
 @dataclass(kw_only=True)

@@ -2,12 +2,11 @@
 
     python -m sim.world.anatomy.liver_generator --seed 3 --out liver.stl
 
-The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ about as much as its
-do. Needs the optional packages of `pip install 'sounding[generate]'`.
+The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ
+about as much as those of its livers. It needs the optional package of `pip install 'sounding[generate]'`.
 """
 
 import argparse
-import importlib
 from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
@@ -16,8 +15,11 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label
+from skimage import measure
 
 from sim.world.errors import GeneratorError
+from sim.world.meshes.decimation import HASTE
+from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
 
 from .implicit import Field
@@ -30,7 +32,7 @@ VOLUME_SPREAD_M3 = 0.447e-3
 """Its standard deviation [m^3]."""
 
 VOLUME_RANGE_M3 = (0.75e-3, 3.2e-3)
-"""Volumes that are drawn [m^3]: those of adult livers that are not grossly enlarged, 99 % of the published spread."""
+"""Range of the volumes drawn [m^3]: adult livers that are not grossly enlarged, 99 % of the published spread."""
 
 BOX_MM = np.array([[-145.0, 165.0], [-125.0, 130.0], [-160.0, 135.0]])
 """The lattice's extent in x, y and z [mm]: shapes near the template with their warp, and a margin."""
@@ -39,7 +41,7 @@ NEAR_TEMPLATE = 2.5
 """Shapes that deviate further in anything take a wider lattice."""
 
 WIDER_MM = 20.0
-"""By so much at each of its ends [mm]."""
+"""The lattice is then longer by this at each of its ends [mm]."""
 
 SPACING_MM = 2.2
 """Lattice spacing [mm]: fine enough for the fissures."""
@@ -50,11 +52,8 @@ SMOOTHING = 0.9
 N_TRIANGLES = 8000
 """Triangles kept by default: the surface then moves by about 0.1 mm."""
 
-HASTE = (5.0, 3.0, 1.0)
-"""How hastily the simplification collapses edges (0 to 10), in turn: slower is more even and tears less."""
-
 N_SPARE_TRIANGLES = 8
-"""Triangles below the limit that are aimed for, as the simplification may end a few above its aim."""
+"""The simplification aims at so many triangles below the limit, as it may end a few above its aim."""
 
 MAX_ATTEMPTS = 10
 """Shapes drawn before giving up; about one in ten is pierced where it is thinnest."""
@@ -79,11 +78,13 @@ def make_liver(
         The liver.
 
     Raises:
-        GeneratorError: The optional packages are missing, or no sound shape was found.
+        MissingPackageError: fast-simplification is not installed.
+        GeneratorError: No sound shape was found.
         ValueError: An argument out of range.
     """
-    measure = _optional("skimage.measure", "scikit-image")
-    fast_simplification = _optional("fast_simplification", "fast-simplification")
+    fast_simplification = optional_module(
+        "fast_simplification", "fast-simplification", "generate", "making livers"
+    )
     if n_triangles < 1000:
         raise ValueError(f"n_triangles={n_triangles} must be at least 1000")
     if volume_m3 is None:
@@ -93,7 +94,7 @@ def make_liver(
     for _ in range(MAX_ATTEMPTS):
         drawn = shape or LiverShape.draw(rng)
         field = _sample_field(drawn, rng)
-        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0], measure), n_triangles, fast_simplification)
+        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0]), n_triangles, fast_simplification)
         if mesh is not None:
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
             mesh.apply_scale(np.cbrt(volume_m3 / mesh.volume))
@@ -128,7 +129,7 @@ def _sample_field(shape: LiverShape, rng: np.random.Generator) -> Field:
     return field
 
 
-def _surface(field: Field, low_mm: NDArray[np.float64], measure: ModuleType) -> trimesh.Trimesh:
+def _surface(field: Field, low_mm: NDArray[np.float64]) -> trimesh.Trimesh:
     """The zero level of the field [mm], outward; its lattice begins at `low_mm`."""
     vertices, faces, _, _ = measure.marching_cubes(field, 0.0, spacing=(SPACING_MM,) * 3)
     mesh = trimesh.Trimesh(vertices + low_mm, faces, process=True)
@@ -166,15 +167,6 @@ def _is_sound(mesh: trimesh.Trimesh) -> bool:
     return bool(
         mesh.is_watertight and mesh.is_winding_consistent and mesh.euler_number == 2 and mesh.volume > 0
     )
-
-
-def _optional(module: str, package: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise GeneratorError(
-            f"making livers needs {package}, which is not installed; run: pip install 'sounding[generate]'"
-        ) from error
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -5,13 +5,10 @@ published and these landmarks were set. The liver fills the vault under the diap
 it from below:
 
 1. the vault: right lobe with its downward tip, and the left lobe, under a dome with the heart's impression;
-2. the viscera: gut, stomach, right kidney and spine, whose common surface is the liver's hollow visceral
-face. Where
+2. the viscera: gut, stomach, right kidney and spine, whose common surface is the liver's hollow visceral face. Where
    it meets the vault at an acute angle, the sharp inferior margin arises;
-3. marks on the visceral face: the grooves of the vena cava and of the porta hepatis, the gallbladder's fossa,
-the
-   fissures of the round and the venous ligament, the caudate lobe; on the front the falciform ligament's
-   crease.
+3. marks on the visceral face: the grooves of the vena cava and of the porta hepatis, the gallbladder's fossa, the
+   fissures of the round and the venous ligament, the caudate lobe; on the front the falciform ligament's crease.
 
 Everything is jittered from patient to patient, and space is warped by long waves before any of it is drawn,
 so that no outline is an ellipse.

@@ -43,7 +43,7 @@ class LoadedAnatomy:
         tumour_names: What to call each.
         targets: The bodies of a second class to be mapped.
         target_names: What to call each.
-        structures: What else there is.
+        structures: Vessels and other structures.
         notices: One sentence for each repair, assumption and remarkable property.
     """
 
@@ -149,7 +149,7 @@ def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledA
 
 
 def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
-    """What is to be said of the size of an organ from a volume."""
+    """What there is to say of the size of an organ from a volume."""
     remarks = remarks_on_size(organ.volume_m3, "organ")
     if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
         remarks.append(
@@ -165,7 +165,7 @@ def is_label_volume(body: Body) -> bool:
 
 
 def _refuse_labels(files: CaseFiles) -> None:
-    """Nothing, unless labels are asked for of a mesh.
+    """Nothing, unless labels are named and there is only a mesh.
 
     Raises:
         MeshError: They are.

@@ -99,7 +99,8 @@ def solid_below(nodes_m: NDArray[np.float64], bottom_m: float) -> Solid:
     vertices_m = np.concatenate([nodes_m.reshape(-1, 3), nodes_m[[0, 0, -1, -1], [0, -1, -1, 0]]])
     corners = index.size + np.arange(4)
     vertices_m[corners, 2] = bottom_m
-    sides = [index[0], index[:, -1], index[-1, ::-1], index[::-1, 0]]  # counter-clockwise seen from above
+    # Counter-clockwise seen from above.
+    sides = [index[0], index[:, -1], index[-1, ::-1], index[::-1, 0]]
     walls = [_wall(side, corners[i], corners[(i + 1) % 4]) for i, side in enumerate(sides)]
     floor = corners[[[0, 2, 1], [0, 3, 2]]]
     return Solid(vertices_m, np.concatenate([top, *walls, floor]))

@@ -19,7 +19,7 @@ LIFT_M = 1e-6
 """How far above the face the view towards +z starts [m], so that the face does not hide itself."""
 
 CANDIDATES_PER_POSE = 12
-"""Random surface points drawn per pose wanted; from these the even ones are picked."""
+"""Random surface points drawn per pose that is wanted; an even choice of them is kept."""
 
 DISC_CONSTANT = 0.70
 """First guess of n r^2 / area for random points at least r apart: discs of r/2 then cover 0.547."""
@@ -101,7 +101,8 @@ def upper_surface_workspace(
     candidates_m, faces, area_m2 = _strew_upper(solid, CANDIDATES_PER_POSE * n_poses, max_tilt_rad, rng)
     spacing_m = np.sqrt(DISC_CONSTANT * area_m2 / n_poses)
     kept = thin_to_spacing(candidates_m, spacing_m)
-    kept = thin_to_spacing(candidates_m, spacing_m * np.sqrt(len(kept) / n_poses))  # the constant is a guess
+    # The constant was a guess; what it led to tells the spacing.
+    kept = thin_to_spacing(candidates_m, spacing_m * np.sqrt(len(kept) / n_poses))
     positions_m = candidates_m[kept]
     if len(positions_m) < N_NEIGHBOURS + 1:
         raise MeshError(
@@ -142,7 +143,8 @@ def fit_normals(positions_m: NDArray[np.float64], toward: NDArray[np.float64]) -
     patches = positions_m[neighbours]
     centred = patches - patches.mean(axis=1, keepdims=True)
     scatter = np.einsum("nki,nkj->nij", centred, centred)
-    normals = np.linalg.eigh(scatter)[1][:, :, 0]  # the direction of least spread
+    # The first eigenvector is the direction of least spread.
+    normals = np.linalg.eigh(scatter)[1][:, :, 0]
     return np.where(np.einsum("ij,ij->i", normals, toward)[:, None] < 0.0, -normals, normals)
 
 

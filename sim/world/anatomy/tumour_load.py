@@ -18,7 +18,7 @@ MEDIAN_DIAMETER_M = 0.016
 """Median diameter over patients [m]."""
 
 PATIENT_LOG_SPREAD = 0.35
-"""Spread of the logarithm of a patient's median diameter: some have small ones alone."""
+"""Spread of the logarithm of a patient's median diameter: some patients have only small ones."""
 
 TUMOUR_LOG_SPREAD = 0.60
 """Spread of the logarithm of the diameters within a patient."""

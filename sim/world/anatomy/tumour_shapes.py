@@ -36,10 +36,12 @@ def lobulated_shape(
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     n_lobes = int(rng.integers(4, 10))
     lobes = _unit_vectors(n_lobes, rng)
-    sharpness = rng.uniform(5.0, 14.0, n_lobes)  # a lobe is about 1 / sqrt(sharpness) rad wide
+    # A lobe is about 1 / sqrt(sharpness) rad wide.
+    sharpness = rng.uniform(5.0, 14.0, n_lobes)
     height = rng.uniform(0.15, 0.40, n_lobes)
     radius = 0.7 + (height * np.exp(sharpness * (directions @ lobes.T - 1.0))).sum(axis=1)
-    for _ in range(6):  # fine unevenness
+    # Waves make the surface finely uneven.
+    for _ in range(6):
         wave = directions @ (_unit_vectors(1, rng)[0] * rng.uniform(5.0, 9.0)) + rng.uniform(0.0, 2.0 * np.pi)
         radius += 0.015 * np.cos(wave)
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]

@@ -59,7 +59,7 @@ LEAST_LOAD_DIAMETER_M = 0.004
 """A tumour of a load that would have to be smaller [m] is left out."""
 
 N_PLACES = 200
-"""Places tried for one tumour before the next size or an error."""
+"""Places tried for one tumour before its next size, or an error."""
 
 N_SIZES = 10
 """Sizes drawn for one lobulated tumour before an error."""
@@ -87,8 +87,7 @@ def plant_spheres(
         radius_m: Radius [m]; the mesh has the volume of this sphere.
         depth_range_m: Depth of the centre below the surface straight above it [m].
         half_width_m: Largest |x| and |y| of the centre from the middle of the organ's bounding box [m].
-        is_attainable: Given points in the tumour, the fraction that can be sensed; at least 95 % is asked
-            for.
+        is_attainable: Given points in the tumour, the fraction that can be sensed, which must be at least 95 %.
 
     Returns:
         The spheres.
@@ -140,8 +139,7 @@ def plant_lobulated(
         rng: Source of the draws.
         diameter_range_m: Smallest and largest diameter [m] of the sphere of equal volume.
         least_depth_m: Least distance between tumour and organ surface [m].
-        is_attainable: Given points in the tumour, the fraction that can be sensed; at least 95 % is asked
-            for.
+        is_attainable: Given points in the tumour, the fraction that can be sensed, which must be at least 95 %.
 
     Returns:
         The tumours, largest first but for those drawn again.
@@ -219,8 +217,9 @@ class _Planting:
         self, centre_m: NDArray[np.float64], shape_m: NDArray[np.float64], faces: NDArray[np.int64]
     ) -> bool:
         """True if the shape was planted at the place: apart from the others, deep enough, and attainable."""
+        # The centre is a cheap first look.
         if self.is_attainable is not None and self.is_attainable(centre_m[None]) < LEAST_ATTAINABLE:
-            return False  # a cheap first look
+            return False
         tumour = Solid(shape_m + centre_m, faces)
         if any(_may_touch(tumour, other) for other in self.planted) or not self.is_deep(tumour.vertices_m):
             return False
@@ -233,6 +232,7 @@ class _Planting:
 
 
 def _deeper_than(least_depth_m: float, surface: SurfaceDistance) -> IsDeep:
+    """Whether vertices lie at least so deep below a surface, as a function of them."""
     return lambda points_m: bool(surface.signed_distance_m(points_m).max() <= -least_depth_m)
 
 

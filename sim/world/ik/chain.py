@@ -135,9 +135,9 @@ class Chain:
         return np.sqrt(np.maximum(np.linalg.det(jacobian @ jacobian.transpose(0, 2, 1)), 0.0))
 
     def axis_hub(self) -> tuple[float, float]:
-        """Where the last joint is beside the beam: height along the beam from the tip [m], and distance from it [m].
+        """Where the last joint lies beside the beam: its height above the tip along it, and its distance from it [m].
 
-        That height is the same for every roll, so the point of the beam there is known from the pose alone.
+        That height is the same for every roll, so the pose tells the point of the beam there.
         """
         state = self.forward(self.home[None])
         offset_m = state.anchors_m[0, -1] - state.tips_m[0]

@@ -1,8 +1,37 @@
-"""Damped least squares within joint limits, for many sensing poses at once, the roll about the beam left free."""
+"""What the inverse kinematics minimises: damped least squares within joint limits, for many sensing poses at once.
+
+A sensing pose fixes five things, the position of the tip and the direction of the beam; the roll about the beam is
+free. One step of the joints is the dq that minimises
+
+    |J dq - e|^2 + damping |dq - z|^2,   which is   dq = z + J^T (J J^T + damping I)^-1 (e - J z)
+
+over the joints that are not held at a limit, where
+
+    e        what is missing, five numbers [m]: the way from the tip to the position, and w times the turn about the
+             tip's own x and y that brings the beam to the normal [rad]. w = AXIS_WEIGHT_M.
+    J        how the tip and, times w, the beam move with each joint, 5 x n.
+    damping  DAMPING + ERROR_DAMPING |e|^2 [m^2]: far from the pose steps are short and safe.
+    z        CENTRING_GAIN (middle - q): as far as the pose leaves them free, joints go to the middle of their ranges;
+             0 for a joint without limits.
+
+The step is shortened until no joint moves more than `max_step_rad`. Joints that it would take out of their ranges are
+held at their limits, and it is solved again for the others. A start ends when the pose is within tolerance, when its
+error, distance + w angle, was not halved within STALL_STEPS steps, or after `max_steps`.
+
+A pose is tried from several starts: `n_compared` of them, and more only where all of these fail. Of the answers that
+touch nothing, neither at the pose nor at the stand-off above it, the most comfortable is taken. With the constants of
+`attempts.py`, the comfort of joint positions q is
+
+    min(room / COMFORT_ROOM_RAD, clearance / COMFORT_CLEARANCE_M, 1) - HOME_WEIGHT max_j |q_j - home_j| / pi
+
+where room is how far the joint nearest to a limit is from it, and clearance how far the arm is from table, organ and
+itself at the pose.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +41,17 @@ from .chain import Array, Chain, ChainState, cross
 AXIS_WEIGHT_M = 0.3
 """A turn of the beam by one radian counts like this distance."""
 DAMPING = 1e-6
-"""Least damping of the normal equations [m^2]; the squared error is added, so that far steps are short and safe."""
+"""Least damping [m^2]: at the pose, a step through a singular configuration stays finite."""
+ERROR_DAMPING = 1e-2
+"""Share of the squared error that is added to it."""
 CENTRING_GAIN = 0.05
 """Share of the way to the middle of its range that a joint goes in one step, as far as the pose leaves it free."""
 STALL_STEPS = 6
 """A start is given up when this many steps did not halve its error."""
 LIMIT_PASSES = 3
 """Times that a step is solved again with the joints held that would leave their range."""
+
+Error = TypeVar("Error", float, Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +67,24 @@ class Descent:
     n_steps: NDArray[np.int64]
     """Steps taken, shape (N,)."""
 
+    @property
+    def error_m(self) -> Array:
+        """Distance and angle as one length [m], shape (N,)."""
+        return weighted_error_m(self.distance_m, self.angle_rad)
+
 
 def pose_errors(state: ChainState, positions_m: Array, normals: Array) -> tuple[Array, Array]:
     """Distances [m] of tips from positions and angles [rad] of beams from normals, shape (N,) each."""
     away_m, turn = positions_m - state.tips_m, cross(state.beams, normals)
-    distance_m, sine = (
-        np.sqrt(np.einsum("ij,ij->i", away_m, away_m)),
-        np.sqrt(np.einsum("ij,ij->i", turn, turn)),
-    )
+    distance_m = np.sqrt(np.einsum("ij,ij->i", away_m, away_m))
+    sine = np.sqrt(np.einsum("ij,ij->i", turn, turn))
     cosine = np.einsum("ij,ij->i", state.beams, normals)
     return distance_m, np.arctan2(sine, cosine)
+
+
+def weighted_error_m(distance_m: Error, angle_rad: Error) -> Error:
+    """A distance and an angle as one length [m]."""
+    return distance_m + AXIS_WEIGHT_M * angle_rad
 
 
 def descend(
@@ -58,10 +99,7 @@ def descend(
     max_step_rad: float = 0.5,
     centring_gain: float = CENTRING_GAIN,
 ) -> Descent:
-    """Steps from starts towards poses until each is within tolerance, stalls, or has taken all its steps.
-
-    A step minimises |J dq - e|^2 + damping |dq - z|^2 over the joints that are not held at a limit, where e is the
-    error of position and beam and z draws the joints towards the middle of their ranges.
+    """Where starts end that step towards poses; see the module for what a step minimises.
 
     Args:
         chain: The arm.
@@ -76,26 +114,25 @@ def descend(
     """
     q = np.clip(q_start, chain.low, chain.high)
     n = len(q)
-    end = Descent(q, np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, dtype=np.int64))
-    best, since = np.full(n, np.inf), np.zeros(n, dtype=np.int64)
-    rows = np.arange(n)
+    distance_m, angle_rad, n_steps = np.full(n, np.inf), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+    rows, best_m, n_since = np.arange(n), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
     for step in range(max_steps + 1):
         state = chain.forward(q[rows])
-        distance_m, angle_rad = pose_errors(state, positions_m[rows], normals[rows])
-        end.distance_m[rows], end.angle_rad[rows], end.n_steps[rows] = distance_m, angle_rad, step
-        error = distance_m + AXIS_WEIGHT_M * angle_rad
-        is_better = error < 0.5 * best
-        best, since = np.where(is_better, error, best), np.where(is_better, 0, since + 1)
-        is_done = (distance_m <= position_tolerance_m) & (angle_rad <= angle_tolerance_rad)
-        is_open = ~is_done & (since < STALL_STEPS)
+        away_m, off_rad = pose_errors(state, positions_m[rows], normals[rows])
+        distance_m[rows], angle_rad[rows], n_steps[rows] = away_m, off_rad, step
+        error_m = weighted_error_m(away_m, off_rad)
+        is_better = error_m < 0.5 * best_m
+        best_m, n_since = np.where(is_better, error_m, best_m), np.where(is_better, 0, n_since + 1)
+        is_done = (away_m <= position_tolerance_m) & (off_rad <= angle_tolerance_rad)
+        is_open = ~is_done & (n_since < STALL_STEPS)
         if step == max_steps or not is_open.any():
             break
-        rows, best, since = rows[is_open], best[is_open], since[is_open]
+        rows, best_m, n_since = rows[is_open], best_m[is_open], n_since[is_open]
         here = q[rows]
         state = ChainState(*(part[is_open] for part in vars(state).values()))
         here += _step(chain, state, here, positions_m[rows], normals[rows], max_step_rad, centring_gain)
         q[rows] = np.clip(here, chain.low, chain.high)
-    return end
+    return Descent(q, distance_m, angle_rad, n_steps)
 
 
 def _step(
@@ -112,7 +149,7 @@ def _step(
     J[:, 3:] *= AXIS_WEIGHT_M
     e = _task_error(state, positions_m, normals)
     e[:, 3:] *= AXIS_WEIGHT_M
-    damping = DAMPING + 1e-2 * np.einsum("ij,ij->i", e, e)
+    damping = DAMPING + ERROR_DAMPING * np.einsum("ij,ij->i", e, e)
     z = _centring(chain, q, centring_gain)
     dq = _capped(_solve(J, e, z, damping), max_step_rad)
     return _within(chain, q, dq, (J, e, z, damping), max_step_rad)

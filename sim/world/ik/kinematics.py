@@ -1,7 +1,8 @@
 """Kinematics: IK from a sensing pose to joint positions, with the roll about the beam left free.
 
-A search of many starts at once finds the most comfortable answer; mink, a quadratic program per step with the joint
-limits as constraints, brings it within the tolerances; MuJoCo's contacts and the organ's true surface verify it.
+A search of many starts at once finds the most comfortable answer; `damped_least_squares.py` says what it minimises.
+mink, a quadratic program per step with the joint limits as constraints, brings the answer within the tolerances.
+MuJoCo's contacts and the organ's true surface verify it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from sim.world.frames import frames_along
 from sim.world.scene.clearance import Clearance, Collision
 from sim.world.scene.scene import Scene
 
+from .damped_least_squares import AXIS_WEIGHT_M
 from .result import IkResult, IkStatus
 from .search import IkSearch
 from .settings import IkSettings
@@ -38,7 +40,12 @@ class Kinematics:
         self._configuration = mink.Configuration(scene.model)
         self._tip_id = scene.model.site(scene.tip_site).id
         self._frame = mink.FrameTask(
-            scene.tip_site, "site", position_cost=1.0, orientation_cost=[0.3, 0.3, 0.0], lm_damping=1e-6
+            scene.tip_site,
+            "site",
+            # Costs per metre and per radian; the last is that of the roll about the beam, which is free.
+            position_cost=1.0,
+            orientation_cost=[AXIS_WEIGHT_M, AXIS_WEIGHT_M, 0.0],
+            lm_damping=1e-6,
         )
         self._posture = mink.PostureTask(scene.model, cost=self.settings.posture_cost)
         self._limits: list[mink.Limit] = [mink.ConfigurationLimit(scene.model)]
@@ -63,7 +70,7 @@ class Kinematics:
         return self.solve_many(np.asarray(position_m)[None], np.asarray(normal)[None])[0]
 
     def solve_many(self, positions_m: NDArray[np.float64], normals: NDArray[np.float64]) -> list[IkResult]:
-        """The answers to many poses, each as `solve` gives it, in far less time than one after the other.
+        """The answers to many poses, each as `solve` gives it, in far less time than one after another.
 
         Args:
             positions_m: Where the tip touches, world frame [m], shape (N, 3).
@@ -86,7 +93,8 @@ class Kinematics:
             return found
         if (polished := self._polished(found, position_m, normal)) is not None:
             return polished
-        return self._strict.search(position_m[None], normal[None]).results[0]  # at the very rim of the reach
+        # At the very rim of the reach mink may fail where a search with its tolerances does not.
+        return self._strict.search(position_m[None], normal[None]).results[0]
 
     def _polished(
         self, found: IkResult, position_m: NDArray[np.float64], normal: NDArray[np.float64]
@@ -120,7 +128,7 @@ class Kinematics:
     def _converge(
         self, q_start: NDArray[np.float64], position_m: NDArray[np.float64], normal: NDArray[np.float64]
     ) -> IkResult:
-        """Iterate differential IK from one start until within tolerance; contacts are not looked at."""
+        """Where steps of mink from one start end, within tolerance or not; contacts are not looked at."""
         settings, configuration = self.settings, self._configuration
         configuration.update(q_start)
         self._posture.set_target(q_start)

@@ -1,4 +1,7 @@
-"""The search: IK of many sensing poses at once, each by several starts, the most comfortable answer chosen."""
+"""The search: IK of many sensing poses at once, each by several starts, the most comfortable answer chosen.
+
+What the descent of a start minimises, and what makes an answer comfortable, is in `damped_least_squares.py`.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from sim.world.scene.clearance import PROBE_MARGIN_M, Clearance
 from sim.world.scene.clearance_meter import ClearanceMeter
 from sim.world.scene.scene import Scene
 
-from .attempts import n_distinct
+from .attempts import Attempts, n_distinct
 from .chain import Array, Chain
 from .damped_least_squares import pose_errors
 from .result import IkResult, IkStatus
@@ -62,7 +65,7 @@ class Answers:
 
 
 class IkSearch:
-    """Solves sensing poses in batches for the arm of a scene. The answer to a pose depends on the pose alone."""
+    """Solves sensing poses in batches for the arm of a scene. The answer to a pose depends on nothing but the pose."""
 
     def __init__(self, scene: Scene, clearance: Clearance, settings: IkSettings | None = None) -> None:
         """Read the arm's chain and draw the set of starts."""
@@ -87,7 +90,7 @@ class IkSearch:
     def at_base(self, T_world_base: Array) -> IkSearch:
         """The same search with the arm's base elsewhere, at a frame of shape (4, 4).
 
-        The starts are those of this one, carried along; what they touch at the new place is not looked at, since every
+        The starts are those of this one, carried along. They are not checked for contacts at the new place, since every
         answer is.
         """
         other = copy.copy(self)
@@ -113,9 +116,9 @@ class IkSearch:
         )
 
     def too_far_m(self, positions_m: Array, normals: Array) -> Array:
-        """How far poses lie beyond the stretched arm [m], shape (N,); 0 or less decides nothing.
+        """How far poses lie beyond the stretched arm [m], shape (N,); of 0 or less nothing follows.
 
-        The last joint lies beside the beam at a known height, so where it must be is known from the pose alone.
+        The last joint lies beside the beam at a known height, so the pose tells where it must be.
         """
         height_m, beside_m = self._hub
         shoulder_m, reach_m = self._reach
@@ -124,64 +127,73 @@ class IkSearch:
 
     def _search_chunk(self, positions_m: Array, normals: Array) -> Answers:
         n, settings = len(positions_m), self.settings
-        results: list[IkResult | None] = [None] * n
+        results, is_tight = self._refused(positions_m, normals)
         clearance_m, n_solutions = np.full(n, np.nan), np.zeros(n, dtype=np.int64)
-        is_tight = self._refuse_hopeless(positions_m, normals, results)
-        approach = StartRounds(self.chain, self.meter, self.clearance, settings)
-        judge = ResultBuilder(self.chain, settings, self.too_far_m)
+        builder = ResultBuilder(self.chain, settings, self.too_far_m)
         rows = np.array([row for row in range(n) if results[row] is None], dtype=np.int64)
         n_starts = min(settings.max_restarts + 1, len(self.starts))
         first, count = 0, settings.n_compared
         while first < n_starts and len(rows):
             last = min(first + count, n_starts)
-            chosen = self.starts.starts(positions_m[rows], normals[rows], first, last)
-            owner = np.repeat(np.arange(len(rows)), last - first)
-            of_pose = rows[owner]
-            starts = Round(
-                owner,
-                chosen.reshape(len(owner), -1),
-                positions_m[of_pose],
-                normals[of_pose],
-                is_tight[of_pose],
-            )
-            trials = approach.try_starts(starts)
-            found = n_distinct(trials.q.reshape(chosen.shape), trials.is_free.reshape(chosen.shape[:2]))
+            attempts, n_found = self._attempt(rows, first, last, positions_m, normals, is_tight)
             stays_open = np.zeros(len(rows), dtype=bool)
             for index, row in enumerate(rows.tolist()):
                 mine = slice(index * (last - first), (index + 1) * (last - first))
-                result, best = judge.result(
-                    trials, mine, positions_m[row], normals[row], n_before=first, earlier=results[row]
+                result, best = builder.result(
+                    attempts, mine, positions_m[row], normals[row], n_before=first, earlier=results[row]
                 )
                 results[row] = result
                 if result.is_reached:
-                    clearance_m[row], n_solutions[row] = trials.clearance_m[best], found[index]
+                    clearance_m[row], n_solutions[row] = attempts.clearance_m[best], n_found[index]
                 else:
                     stays_open[index] = last <= SURE_STARTS or result.status is not IkStatus.TOO_FAR
             rows = rows[stays_open]
             first, count = last, 2 * count
         return Answers([result for result in results if result is not None], clearance_m, n_solutions)
 
+    def _attempt(
+        self,
+        rows: NDArray[np.int64],
+        first: int,
+        last: int,
+        positions_m: Array,
+        normals: Array,
+        is_tight: NDArray[np.bool_],
+    ) -> tuple[Attempts, NDArray[np.int64]]:
+        """What becomes of the starts `first` to `last` of some poses, and how many distinct answers each has."""
+        chosen = self.starts.starts(positions_m[rows], normals[rows], first, last)
+        owner = np.repeat(np.arange(len(rows)), last - first)
+        of_pose = rows[owner]
+        starts = Round(
+            owner, chosen.reshape(len(owner), -1), positions_m[of_pose], normals[of_pose], is_tight[of_pose]
+        )
+        attempts = self._rounds().attempt(starts)
+        return attempts, n_distinct(
+            attempts.q.reshape(chosen.shape), attempts.is_free.reshape(chosen.shape[:2])
+        )
+
+    def _rounds(self) -> StartRounds:
+        return StartRounds(self.chain, self.meter, self.clearance, self.settings)
+
     def is_reached_from(self, starts: Array, position_m: Array, normal: Array) -> bool:
         """Whether any start of the caller's, shape (N, n), leads to one pose, shape (3,) each."""
         n = len(starts)
         owner, is_tight = np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
-        approach = StartRounds(self.chain, self.meter, self.clearance, self.settings)
-        asked = Round(owner, starts, np.tile(position_m, (n, 1)), np.tile(normal, (n, 1)), is_tight)
-        return bool(approach.try_starts(asked).is_valid.any())
+        given = Round(owner, starts, np.tile(position_m, (n, 1)), np.tile(normal, (n, 1)), is_tight)
+        return bool(self._rounds().attempt(given).is_valid.any())
 
-    def _refuse_hopeless(
-        self, positions_m: Array, normals: Array, results: list[IkResult | None]
-    ) -> NDArray[np.bool_]:
-        """Answer the poses that need no search: too far, or the probe itself would enter the organ.
+    def _refused(self, positions_m: Array, normals: Array) -> tuple[list[IkResult | None], NDArray[np.bool_]]:
+        """The results of poses that need no search: too far, or the probe itself would enter the organ.
 
         Returns:
-            Where the probe comes so close to the organ that each configuration has to be looked at, shape (N,).
+            A result for each of those, None for the others, and where the probe comes so close to the organ that each
+            configuration has to be looked at, shape (N,).
         """
+        results: list[IkResult | None] = [None] * len(positions_m)
         is_tight = np.zeros(len(positions_m), dtype=bool)
-        chain = self.chain
-        home = np.tile(chain.home, (len(positions_m), 1))
-        errors = np.column_stack(pose_errors(chain.forward(home), positions_m, normals))
-        q = chain.full(chain.home)
+        home = np.tile(self.chain.home, (len(positions_m), 1))
+        errors = np.column_stack(pose_errors(self.chain.forward(home), positions_m, normals))
+        q = self.chain.full(self.chain.home)
         R_world_tip = frames_along(normals)
         lifts_m = (0.0, self.settings.standoff_m) if self.settings.standoff_m > 0 else (0.0,)
         for lift_m in lifts_m:
@@ -194,14 +206,10 @@ class IkSearch:
                 if results[row] is not None:
                     continue
                 if too_far_m[row] > 0.0:
+                    status = IkStatus.TOO_FAR
                     detail = f"The wrist would be {too_far_m[row] * 1e3:.0f} mm beyond it {place}."
-                    results[row] = IkResult(
-                        IkStatus.TOO_FAR, q, q, errors[row, 0], errors[row, 1], 0, 0, detail
-                    )
                 else:
                     hit = self.meter.probe_collision(float(probe_m[row]), int(geom[row]))
-                    detail = f"However the arm stands, {hit} {place}."
-                    results[row] = IkResult(
-                        IkStatus.COLLISION, q, q, errors[row, 0], errors[row, 1], 0, 0, detail
-                    )
-        return is_tight
+                    status, detail = IkStatus.COLLISION, f"However the arm stands, {hit} {place}."
+                results[row] = IkResult(status, q, q, errors[row, 0], errors[row, 1], 0, 0, detail)
+        return results, is_tight

@@ -15,13 +15,13 @@ class IkSettings:
     """Tolerances and effort of the IK."""
 
     position_tolerance_m: float = 1e-4
-    """Largest accepted distance of the tip from the pose."""
+    """Largest accepted distance of the tip from the pose [m]."""
     angle_tolerance_rad: float = 2e-3
-    """Largest accepted angle between the beam and the pose's normal."""
+    """Largest accepted angle between the beam and the pose's normal [rad]."""
     max_iterations: int = 40
-    """Steps of one start."""
+    """Most steps of one start."""
     max_restarts: int = 40
-    """Further starts after the first, from a fixed set of configurations near the pose."""
+    """Most starts after the first, from a fixed set of configurations near the pose."""
     n_compared: int = 6
     """Starts of which the most comfortable answer is taken; the others follow only where all of these fail."""
     start_seed: int = 0
@@ -31,7 +31,7 @@ class IkSettings:
     posture_cost: float = 1e-3
     """Weight that keeps the spare joints near the search's answer while mink closes the last of the error."""
     standoff_m: float = 0.04
-    """The probe arrives from and leaves to this far above the surface, along the normal; 0 asks for the pose alone."""
+    """The probe comes from and goes back to this far above the surface, along the normal [m]; 0 leaves that out."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""

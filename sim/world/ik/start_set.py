@@ -14,9 +14,9 @@ from .chain import Array, Chain
 from .damped_least_squares import AXIS_WEIGHT_M
 
 N_DRAWN = 6000
-"""Configurations drawn; the third of them that collides, or points away from every table, is dropped."""
+"""Configurations drawn. Those that collide or whose tip is below the table are dropped, with a Panda one in nine."""
 N_NEAREST = 20
-"""Nearest configurations that are taken one by one."""
+"""Nearest configurations, which are taken one by one."""
 N_FAR = 100
 """Farther ones, at growing distance, that may be taken after them."""
 
@@ -25,7 +25,7 @@ class StartSet:
     """Configurations from which the descent to a pose begins."""
 
     def __init__(self, chain: Chain, meter: ClearanceMeter, *, seed: int) -> None:
-        """Draw the set; `seed` is a constant of the algorithm for an episode, so that answers are kept."""
+        """Draw the set by `seed`, which is the same for all episodes, so that a pose has one answer."""
         q = np.random.default_rng(seed).uniform(*chain.search_range(), (N_DRAWN, chain.n_joints))
         state = chain.forward(q)
         is_above = state.tips_m[:, 2] > 0.0

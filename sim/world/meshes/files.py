@@ -23,9 +23,10 @@ from .repair import compact
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf")
 
 FILE_BYTES_PER_TRIANGLE = {".stl": 50, ".obj": 50}
-"""Of a binary STL and of OBJ's text; other formats share vertices among triangles and take about the next."""
+"""Of a binary STL and of OBJ's text; other formats share vertices among triangles and take less."""
 
 LEAST_FILE_BYTES_PER_TRIANGLE = 18
+"""Of those other formats."""
 
 BYTES_PER_TRIANGLE = 850
 """Memory that reading, closing and simplifying a mesh takes at its peak, as measured on 2 million triangles."""
@@ -40,7 +41,7 @@ READER_ERRORS = (
     *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
     *(NameError, ImportError, OSError, EOFError, MemoryError),
 )
-"""What a reader fed with arbitrary bytes may raise; ImportError where it wants help to guess an encoding."""
+"""What a reader may raise on arbitrary bytes; ImportError where it needs a package to guess an encoding."""
 
 
 def read_triangles(path: Path, frame: MeshFrame) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
@@ -48,7 +49,7 @@ def read_triangles(path: Path, frame: MeshFrame) -> tuple[NDArray[np.float64], N
 
     Args:
         path: An STL, OBJ, PLY, GLB or glTF file.
-        frame: Axes of the file; `auto` for what its header says, else LPS.
+        frame: Axes of the file; `auto` for what its header says, and LPS where it says nothing.
 
     Raises:
         MeshError: The file holds no triangles in space.
@@ -59,7 +60,8 @@ def read_triangles(path: Path, frame: MeshFrame) -> tuple[NDArray[np.float64], N
     if frame == "auto" and re.search(rb"SPACE\s*=\s*RAS", content[:HEADER_BYTES]):
         is_ras = True
         remarks.append("its header says RAS axes, which were turned to LPS")
-    if is_ras:  # half a turn about z: no triangle changes its side
+    if is_ras:
+        # It is half a turn about z, which changes no triangle's side.
         vertices = vertices * [-1.0, -1.0, 1.0]
     return vertices, faces, remarks
 
@@ -84,11 +86,23 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
         ) from error
+    vertices, faces = _checked(path, content, vertices, faces)
+    return vertices, faces, content
+
+
+def _checked(
+    path: Path, content: bytes, vertices: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The vertices that faces use, and the faces over these.
+
+    Raises:
+        MeshError: They are no triangles in space, or there is none.
+    """
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
         raise MeshError(f"{path}: holds no triangles in space; export a surface of triangles")
     if len(faces) == 0:
         _check_whole(path, content)
-        raise MeshError(f"{path}: holds no triangles; export the surface, not its points alone")
+        raise MeshError(f"{path}: holds no triangles; export the surface, not only its points")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError(f"{path}: triangles name vertices that the file does not hold; export the mesh again")
     vertices, faces = compact(vertices, faces)
@@ -97,7 +111,7 @@ def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
         raise MeshError(
             f"{path}: {n_bad} of {len(vertices)} vertices are NaN or infinite; export the mesh again"
         )
-    return vertices, faces, content
+    return vertices, faces
 
 
 def _check_whole(path: Path, content: bytes) -> None:
@@ -124,10 +138,8 @@ def _check_memory(path: Path) -> None:
     Raises:
         MeshError: It is.
     """
-    size, per_triangle = (
-        path.stat().st_size,
-        FILE_BYTES_PER_TRIANGLE.get(path.suffix.lower(), LEAST_FILE_BYTES_PER_TRIANGLE),
-    )
+    size = path.stat().st_size
+    per_triangle = FILE_BYTES_PER_TRIANGLE.get(path.suffix.lower(), LEAST_FILE_BYTES_PER_TRIANGLE)
     need, spare = size / per_triangle * BYTES_PER_TRIANGLE, spare_bytes()
     if need > spare:
         raise MeshError(
@@ -139,7 +151,7 @@ def _check_memory(path: Path) -> None:
 
 @contextmanager
 def _quiet_reader() -> Iterator[None]:
-    """Keeps the reader from printing tracebacks of what it tried; the error raised says it better."""
+    """Keeps the reader from printing tracebacks of what it tried; the error that is raised says it better."""
     logger = logging.getLogger("trimesh")
     level = logger.level
     logger.setLevel(logging.CRITICAL + 1)

@@ -37,7 +37,7 @@ REMARKABLE_OVERLAP_SHARE = 0.01
 """Volume covered more than once that is worth a notice, as a share of the solid's volume."""
 
 TEST_LATTICE = 32
-"""Points per axis of the lattice on which the winding number is examined."""
+"""Points per axis of the lattice on which the winding number is counted."""
 
 MOST_TRIANGLES = 200_000
 """Meshes with more are simplified: finer ones cost minutes and change nothing that a probe could tell."""
@@ -126,7 +126,9 @@ def load_surface(path: str | Path, unit: Unit = "mm", *, frame: MeshFrame = "aut
         vertices_m, faces, simplified = _simplified(vertices_m, faces)
         notices += simplified
     except RepairError:
-        notices.append("its surface is not closed, which does for a structure: distances are to the surface")
+        notices.append(
+            "its surface is not closed, which a structure's need not be: distances are to the surface"
+        )
     return LoadedMesh(Solid(vertices_m, faces), tuple(f"{path.name}: {text}" for text in notices), path.name)
 
 

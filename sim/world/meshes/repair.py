@@ -173,7 +173,7 @@ def _merge_until_closed(vertices_m: Vertices, faces: Faces) -> tuple[Vertices, F
 
 
 def _merge(vertices_m: Vertices, faces: Faces, tolerance_m: float) -> tuple[Vertices, Faces]:
-    """The same triangles over vertices of which no two are equal, nor linked by clearances up to the tolerance."""
+    """The same triangles over vertices of which no two are equal, nor linked by distances up to the tolerance."""
     if tolerance_m == 0.0:
         vertices_m, label = _distinct(vertices_m)
     else:
@@ -205,7 +205,8 @@ def _drop_doubled(faces: Faces) -> tuple[Faces, int]:
     """
     corners = np.sort(faces, axis=1)
     keys = np.sort((corners.astype(np.uint64) * KEY_FACTORS).sum(axis=1))
-    if not (keys[1:] == keys[:-1]).any():  # no two alike: the common case, at a fifth of the cost
+    # Where no two are alike, which is the common case, this takes a fifth of the time.
+    if not (keys[1:] == keys[:-1]).any():
         return faces, 0
     order = np.lexsort(corners.T)
     is_new = np.ones(len(faces), dtype=bool)

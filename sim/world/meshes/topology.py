@@ -54,9 +54,8 @@ def agree(faces: Faces) -> tuple[Faces, NDArray[np.bool_]] | None:
     edges, keys = _edges(faces)
     order = np.argsort(keys, kind="stable")
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
-    pairs = starts[
-        np.diff(starts, append=len(order)) == 2
-    ]  # edges of four do not tell who is whose neighbour
+    # Where four triangles share an edge, it does not tell which of them are neighbours.
+    pairs = starts[np.diff(starts, append=len(order)) == 2]
     one, other = order[pairs], order[pairs + 1]
     is_crosswise = edges[one, 0] == edges[other, 0]
     a, b = one // 3, other // 3

@@ -27,9 +27,9 @@ ON_SURFACE_M = 1e-9
 
 
 class ContactSurface:
-    """Answers for one point at a time, fastest where a point is near the one before.
+    """Distance and normal for one point at a time, fastest where a point is near the one before.
 
-    What is kept between questions (the patch, and the last ball that the surface does not enter) changes no answer.
+    What is kept between points (the patch, and the last ball that the surface does not enter) changes no result.
 
     Args:
         solid: The solid whose surface is meant.

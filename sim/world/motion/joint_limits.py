@@ -19,7 +19,7 @@ PANDA_ACCELERATION = (15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0)
 OTHER_SPEED, OTHER_ACCELERATION = 1.0, 4.0
 """For arms whose limits nobody stated: slow for any arm of today [rad/s, rad/s^2]."""
 SLIDE_SHARE = 0.25
-"""Slides get this share of those numbers, in m/s and m/s^2."""
+"""Slides get this share of those two numbers, in m/s and m/s^2."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,12 +17,12 @@ from sim.world.scene.scene import Scene
 from sim.world.solids.distance_grid import DistanceGrid
 
 COARSE_M = 0.2
-"""Motion of any point of the arm between the configurations that are looked at first."""
+"""Most that any point of the arm moves between the configurations that are looked at first [m]."""
 FINEST_M = 0.004
 """Where no point of the arm can move farther than this, two free configurations are taken as joined freely."""
 MOST_ALLOWANCE_M = 0.005
 """Room that the ends of a path may lack: the margin of this check and what the spheres around the probe add."""
-CAPSULE_GAP = 0.03
+CAPSULE_SHORTFALL = 0.03
 """Spheres along a capsule's axis miss up to this share of its radius."""
 
 
@@ -33,9 +33,11 @@ class Room:
     room_m: Array
     """Distance that is left [m], negative within a contact, shape (N,)."""
     clearances: Clearances
+    """Of the arm."""
     probe_m: Array
     """Distance of the probe from the organ [m], shape (N,)."""
     probe_geom: NDArray[np.int64]
+    """The geom of that distance, shape (N,)."""
 
 
 class PathCheck:
@@ -60,13 +62,13 @@ class PathCheck:
     def first_hit(self, path: Array) -> Collision | None:
         """A forbidden contact on the way along configurations joined by straight lines, or None.
 
-        The ends were accepted by the inverse kinematics, which lets the probe be nearer to the organ; so near it may be
-        all the way.
+        The ends were accepted by the inverse kinematics, which lets the probe be nearer to the organ than this check.
+        It may then be as near all the way.
 
         Args:
             path: Configurations of the chain, shape (N, n), N at least 2. The probe is lifted along all of it.
         """
-        ends_m = self._probe_gaps(path[[0, -1]])[0].min()
+        ends_m = self._probe_distances(path[[0, -1]])[0].min()
         margin_m = float(np.clip(ends_m, ARM_MARGIN_M - MOST_ALLOWANCE_M, ARM_MARGIN_M))
         q = self._sampled(path)
         found = self._room(q, margin_m)
@@ -89,7 +91,7 @@ class PathCheck:
     def _room(self, q: Array, margin_m: float) -> Room:
         """Room of configurations of the chain, shape (N, n), the probe keeping a margin from the organ."""
         clearances = self._meter.measure(self._chain.full(q))
-        probe_m, geom = self._probe_gaps(q)
+        probe_m, geom = self._probe_distances(q)
         room_m = np.minimum(
             np.minimum(clearances.contact_m, clearances.organ_m - ARM_MARGIN_M), probe_m - margin_m
         )
@@ -112,13 +114,13 @@ class PathCheck:
             parts.append(start + (np.arange(1, n + 1) / n)[:, None] * (end - start))
         return np.vstack(parts)
 
-    def _probe_gaps(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
+    def _probe_distances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
         """Distance of the whole probe, its face too, from the organ [m], and the closest geom, shape (N,) each."""
         state = self._chain.forward(q)
         world_m = state.tips_m[:, None] + self._probe_at_m @ state.R_world_tip.transpose(0, 2, 1)
-        gaps_m = self._grid.distance_m(world_m.reshape(-1, 3)).reshape(len(q), -1) - self._probe_radius_m
-        closest = np.argmin(gaps_m, axis=1)
-        return gaps_m[np.arange(len(q)), closest], self._probe_geoms[closest]
+        distances_m = self._grid.distance_m(world_m.reshape(-1, 3)).reshape(len(q), -1) - self._probe_radius_m
+        closest = np.argmin(distances_m, axis=1)
+        return distances_m[np.arange(len(q)), closest], self._probe_geoms[closest]
 
 
 def _levers_m(scene: Scene, chain: Chain) -> Array:
@@ -164,7 +166,7 @@ def _probe_spheres(scene: Scene) -> tuple[Array, Array, NDArray[np.int64]]:
             int(mujoco.mjtGeom.mjGEOM_SPHERE),
         ):
             at_m, radius_m = axis_spheres(model, geom)
-            radius_m = radius_m * (1.0 + CAPSULE_GAP)
+            radius_m = radius_m * (1.0 + CAPSULE_SHORTFALL)
         else:
             at_m, radius_m = np.zeros((1, 3)), model.geom_rbound[geom : geom + 1].copy()
         in_body_m = at_m @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]

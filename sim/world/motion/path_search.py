@@ -25,7 +25,7 @@ MAX_LINE_TURN_RAD = 0.15
 LINE_TOLERANCE_M, LINE_TOLERANCE_RAD = 1e-4, 2e-3
 """How closely tip and beam follow the line."""
 LINE_SLACK = 5.0
-"""An arm that misses it by this many tolerances cannot follow it."""
+"""An arm that misses the line by this many tolerances cannot follow it."""
 RISES_M = (0.06, 0.12, 0.2)
 """Where the straight transfer collides, the tip is led over it in arches of these heights."""
 ARCH_SHARES = np.array([0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95])
@@ -42,12 +42,15 @@ CURVE_SAMPLES = 3
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Smooth curves of configurations of the chain, or the reason why there is no path. No curve: nowhere to go."""
+    """Smooth curves of configurations of the chain, or the reason why there is no path.
+
+    A path of no curves and no reason leads nowhere, since its ends are the same.
+    """
 
     curves: tuple[CubicSpline, ...]
     """The arm comes to rest at the end of each."""
     reason: str = ""
-    """The pair that collides; empty where there is a path."""
+    """A sentence that names the pair that collides; empty where there is a path."""
 
     @property
     def is_free(self) -> bool:
@@ -56,7 +59,7 @@ class Path:
 
 
 class PathSearch:
-    """Finds joint paths of an arm. The answer to a pair of configurations depends on the pair alone."""
+    """Finds joint paths of an arm. The path between two configurations depends on nothing but these."""
 
     def __init__(self, search: IkSearch, check: PathCheck) -> None:
         """Use the chain, the tolerances and the start set of `search`."""
@@ -124,6 +127,7 @@ class PathSearch:
         return Path(tuple(through(np.stack(ends)) for ends in pairwise(short)))
 
     def _is_free_along(self, curve: CubicSpline) -> bool:
+        """Whether the way along a curve is free."""
         knots = np.linspace(0.0, curve.x[-1], CURVE_SAMPLES * len(curve.x))
         return self._check.first_hit(curve(knots)) is None
 
@@ -132,10 +136,11 @@ class PathSearch:
         return self._check.is_free(np.stack([q, q]))
 
     def _is_free_between(self, start_q: Array, end_q: Array) -> bool:
+        """Whether the straight way between two configurations is free."""
         return self._check.is_free(np.stack([start_q, end_q]))
 
     def _hit_on_line(self, q: Array) -> Collision | None:
-        """What is in the way between pose and stand-off, where the probe's face may touch the organ."""
+        """What is in the way between pose and stand-off, where the probe's face may touch the organ, or None."""
         meter = self._search.meter
         clearances = meter.measure(self._chain.full(q))
         state = self._chain.forward(q)

@@ -11,16 +11,19 @@ from sim.world.ik.chain import Array
 STEP = 0.4
 """A branch grows this far, the largest turn of a joint [rad or m]."""
 MAX_BRANCHES = 300
-"""Branches tried before the search is given up."""
+"""Branches that are tried before the search is given up."""
 MAX_CONNECT = 20
-"""Steps of one attempt of a tree to reach the other's new branch."""
+"""Most steps by which a tree tries to reach the other's new branch."""
 SEED = 0
-"""A constant of the algorithm, so that a path depends on its ends alone."""
+"""A constant of the algorithm, so that a path depends on nothing but its ends."""
 
 IsFree = Callable[[Array, Array], bool]
+"""Whether the straight way between two configurations is free."""
 
 
 class _Tree:
+    """Configurations, each with the one that it was reached from."""
+
     def __init__(self, root: Array) -> None:
         self.q, self.parents = [root], [-1]
 
@@ -42,7 +45,7 @@ class _Tree:
 
 
 def connect_trees(start_q: Array, end_q: Array, is_free: IsFree, samples: Array) -> Array | None:
-    """A free path between two configurations, shape (N, n), or None where the effort did not find one.
+    """A free path between two configurations, shape (N, n), or None where none was found within the effort.
 
     Args:
         start_q: Free configuration, shape (n,).

@@ -24,7 +24,7 @@ PANDA_KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 OTHER_FREQUENCY_RAD_S = 60.0
 """Servos of other arms are critically damped at this frequency, by the joints' inertia at home."""
 FASTEST_M_S = 2.0
-"""Away from the organ, contact is looked for again when the tip could have come to it at this speed."""
+"""Away from the organ, contact is looked for again when the tip could have got there at this speed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class ServoRun:
     force_n: Array
     """Contact force [N], shape (T,)."""
     peak_force_n: float
-    """The largest of all steps, also between recorded times."""
+    """The largest of all steps, also between recorded times [N]."""
     is_stopped: bool
     """Whether the force limit ended it; the arrays then end there."""
 
@@ -55,16 +55,17 @@ class ServoArm:
         *,
         is_panda: bool,
     ) -> None:
-        """Prepare the copy: no actuators but the servos, whose damping is put into the joints, and no weight."""
+        """Prepare the copy: it has no actuators but the servos, whose damping is put into the joints, and no weight."""
         model = self.model = copy.copy(scene.model)
         self._organ, self._settings = organ, settings
         self._tip = model.site(scene.tip_site).id
-        # Full gravity compensation of every body, as gravcomp="1" does, also for arms that do not ask for it.
+        # The weight of every body is compensated, as gravcomp="1" does, also of arms whose files do not say so.
         model.opt.gravity[:] = 0.0
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         self._columns, self._dofs = chain.columns, model.jnt_dofadr[chain.joints]
         self._kp, self._kv = _gains(scene, self._dofs, is_panda=is_panda)
-        model.dof_damping[self._dofs] += self._kv  # implicit in the integrator, so stiff servos stay stable
+        # The integrator takes joint damping implicitly, so that stiff servos stay stable.
+        model.dof_damping[self._dofs] += self._kv
         has_limit = model.jnt_actfrclimited[chain.joints].astype(bool)
         self._torque = np.where(has_limit, model.jnt_actfrcrange[chain.joints, 1], np.inf)
         self.data = scene.new_data()
@@ -73,11 +74,11 @@ class ServoArm:
 
     @property
     def dt_s(self) -> float:
-        """Time of one step."""
+        """Time of one step [s]."""
         return float(self.model.opt.timestep)
 
     def run(self, q: Array, speed: Array, *, record_every: int) -> ServoRun:
-        """Follow configurations of the chain, one per step; stops where the contact force passes its limit.
+        """What the arm does that follows configurations of the chain, one per step, until the force passes its limit.
 
         Args:
             q: Where the servos are sent, shape (T, n).
@@ -110,7 +111,7 @@ class ServoArm:
         return max(0.0, settings.stiffness_n_m * depth_m + settings.damping_n_s_m * inward_m_s), outward
 
     def _force(self) -> tuple[float, Array]:
-        """The contact force and its direction; far from the organ it is not looked at in every step."""
+        """The contact force [N] and its direction; far from the organ it is not looked for in every step."""
         if self._n_asleep > 0:
             self._n_asleep -= 1
             return 0.0, np.zeros(3)
@@ -119,7 +120,7 @@ class ServoArm:
         return self.contact() if self._n_asleep == 0 else (0.0, np.zeros(3))
 
     def _step(self, q: Array, speed: Array) -> float:
-        """One step of the dynamics; returns the contact force that acted in it [N]."""
+        """The contact force that acted in one step of the dynamics [N]."""
         model, data = self.model, self.data
         mujoco.mj_step1(model, data)
         force_n, outward = self._force()
@@ -127,9 +128,8 @@ class ServoArm:
         wanted = self._kp * (q - data.qpos[self._columns]) + self._kv * speed
         torque = np.clip(wanted - self._kv * now, -self._torque, self._torque)
         data.qfrc_applied[:] = 0.0
-        data.qfrc_applied[self._dofs] = (
-            torque + self._kv * now
-        )  # the joints' damping takes the last term off again
+        # The joints' damping takes the last term off again.
+        data.qfrc_applied[self._dofs] = torque + self._kv * now
         if force_n > 0.0:
             data.qfrc_applied += (force_n * outward) @ self._jacobian
         mujoco.mj_step2(model, data)
@@ -137,16 +137,15 @@ class ServoArm:
 
 
 def _gains(scene: Scene, dofs: NDArray[np.int64], *, is_panda: bool) -> tuple[Array, Array]:
-    """Stiffness and damping of the servos."""
+    """Stiffness [N m / rad] and damping [N m s / rad] of the servos, shape (n,) each; for slides N / m and N s / m."""
     if is_panda:
         kp = np.array(PANDA_KP)
         return kp, 0.1 * kp
     data = scene.new_data()
     inertia, unit = np.zeros(scene.model.nv), np.zeros(scene.model.nv)
     own = np.zeros(len(dofs))
-    for row, dof in enumerate(
-        dofs.tolist()
-    ):  # a joint's own inertia: what a unit acceleration of it alone takes
+    # A joint's own inertia is the torque that a unit acceleration of this joint and no other takes.
+    for row, dof in enumerate(dofs.tolist()):
         unit[:] = 0.0
         unit[dof] = 1.0
         mujoco.mj_mulM(scene.model, data, inertia, unit)

@@ -33,11 +33,11 @@ class MotionSettings:
     joint_acceleration: float | None = None
     """Acceleration limit of every joint [rad/s^2, for slides m/s^2]; None likewise."""
     tip_speed_m_s: float = 0.25
-    """Speed limit of the probe's tip in a transfer: the reduced speed of ISO 10218-1, for robots near people."""
+    """Speed limit of the probe's tip in a transfer [m/s]: the reduced speed of ISO 10218-1, for robots near people."""
     approach_speed_m_s: float = 0.05
-    """Speed limit of the tip when it lifts off the organ and comes down on it."""
+    """Speed limit of the tip when it lifts off the organ and comes down on it [m/s]."""
     sensing_s: float = 2.0
-    """Time that a sensing action takes once the probe is in place; adds to the procedure time."""
+    """Time that a sensing action takes once the probe is in place [s], which adds to the time of the procedure."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
@@ -56,13 +56,13 @@ class ServoSettings:
     stiffness_n_m: float = punch_stiffness_n_m(LIVER_YOUNG_PA)
     """Spring of the organ's surface under the tip [N/m]: 87 for healthy liver."""
     damping_n_s_m: float = 2.0
-    """Damper beside it. Ours, without a source: it calms the contact within some hundredths of a second."""
+    """Damper beside it [N s/m]. It is our own choice: it calms the contact within some hundredths of a second."""
     force_limit_n: float = 5.0
-    """Contact force at which the arm stops."""
+    """Contact force at which the arm stops [N]."""
     press_m: float = 0.002
-    """How far below the surface the tip is sent: a probe that only touches presses nothing."""
+    """How far below the surface the tip is sent [m]: a probe that only touches presses nothing."""
     settle_s: float = 0.4
-    """The arm holds still this long before the reading is taken."""
+    """The arm holds still this long before the reading is taken [s]."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""

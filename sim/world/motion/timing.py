@@ -17,22 +17,23 @@ from sim.world.ik.chain import Array, Chain
 
 from .joint_limits import JointLimits
 
-if TYPE_CHECKING:  # it imports pyplot, which is slow to load, and only arms that move need it
+if TYPE_CHECKING:
+    # toppra imports pyplot, which is slow to load, and only arms that move need it.
     from toppra.constraint import Constraint
     from toppra.interpolator import AbstractGeometricPath
 
 MIN_GRID_POINTS, GRID_POINTS_PER_KNOT = 36, 2
 """Points of a path at which toppra holds the limits; between them it exceeds them a little."""
 LIMIT_SHARE = 0.98
-"""So it is given this share of them, and the motion is slowed down where that was not enough."""
+"""Share of the limits that toppra is given for this reason; where that is not enough, the motion is slowed down."""
 TIP_POINTS_PER_KNOT = 4
 """Chords between two knots that measure the way of the tip."""
-LOOKED_AT = 400
-"""Times at which that is decided."""
+N_CHECKED_TIMES = 400
+"""Times of a motion at which it is seen whether it is enough."""
 STILL = 1e-7
 """A path shorter than this, the largest turn of a joint [rad or m], takes no time."""
 TIP_ACCELERATION_M_S2 = 1e3
-"""The tip's acceleration is bounded by the joints' alone."""
+"""So large that the tip's acceleration is bounded only by the joints'."""
 
 logging.getLogger("toppra").setLevel(logging.ERROR)
 
@@ -103,7 +104,7 @@ class PathTimer:
         return Trajectory(time_s, q, rate / slowing)
 
     def _constraints(self, tip_speed_m_s: float) -> list[Constraint]:
-        """The limits as toppra takes them, kept: it formats each as text when it is made, which takes its time."""
+        """The limits as toppra takes them, kept, since toppra writes each as text when it is made, which is slow."""
         from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
         if tip_speed_m_s not in self._kept:
@@ -117,7 +118,7 @@ class PathTimer:
 
     def _slowing(self, timed: AbstractGeometricPath, tip_speed_m_s: float) -> float:
         """The least factor, 1 or more, by which the motion is slowed down to hold all limits between grid points."""
-        time_s = np.linspace(0.0, float(timed.path_interval[1]), LOOKED_AT)
+        time_s = np.linspace(0.0, float(timed.path_interval[1]), N_CHECKED_TIMES)
         speed, acceleration = np.abs(timed(time_s, 1)).max(axis=0), np.abs(timed(time_s, 2)).max(axis=0)
         by_speed = speed / np.append(self._limits.speed, tip_speed_m_s)
         by_acceleration = np.sqrt(acceleration[:-1] / self._limits.acceleration)

@@ -1,4 +1,4 @@
-"""The arms: where an MJCF arm comes from, its flange and its home configuration."""
+"""An arm: the MJCF file that it comes from, its flange, where it stands, and its home configuration."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def _joint_width(joint: mujoco.MjsJoint) -> int:
 
 
 def _home_configuration(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """The keyframe named home (or the like), else the first keyframe, else the middle of every range."""
+    """The keyframe named home or the like; without one the first keyframe, and without any the middle of the ranges."""
     names = [model.key(i).name for i in range(model.nkey)]
     for name in (*HOME_KEYFRAMES, *names[:1]):
         if name in names:

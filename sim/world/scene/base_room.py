@@ -1,4 +1,4 @@
-"""BaseRoom: where an arm's base may stand, which is neither in the table nor in the organ."""
+"""Room for the base: where an arm's base may stand, which is neither in the table nor in the organ."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TABLE_TOLERANCE_M = 1e-3
 
 
 class BaseRoom:
-    """What of an arm does not move with its joints, and whether there is room for it."""
+    """The part of an arm that its joints do not move, and whether there is room for it."""
 
     def __init__(self, scene: Scene, organ_distance: DistanceGrid) -> None:
         """Strew points over the base of `scene`'s arm."""
@@ -39,9 +39,11 @@ class BaseRoom:
             if is_within.all(axis=1).any():
                 lowest_m = float(points_m[is_within[:, :2].all(axis=1), 2].min())
                 return f"in the table, {(centre_m[2] + half_m[2] - lowest_m) * 1e3:.0f} mm below its top"
-        gap_m = float(self._grid.distance_m(points_m).min())
-        if gap_m < ARM_MARGIN_M:
-            return f"in the organ, or less than {ARM_MARGIN_M * 1e3:.0f} mm from it ({gap_m * 1e3:+.0f} mm)"
+        distance_m = float(self._grid.distance_m(points_m).min())
+        if distance_m < ARM_MARGIN_M:
+            return (
+                f"in the organ, or less than {ARM_MARGIN_M * 1e3:.0f} mm from it ({distance_m * 1e3:+.0f} mm)"
+            )
         return None
 
 
@@ -60,9 +62,9 @@ def check_base_room(scene: Scene, organ_distance: DistanceGrid) -> None:
 
 
 def _base_points(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Points of the geoms that no joint moves, in the frame of the mount [m], shape (N, 3).
+    """Points on the geoms that no joint moves, in the frame of the mount [m], shape (N, 3).
 
-    An arm that has none is taken to stand at its first joint.
+    An arm that has no such geom is taken to stand at its first joint.
     """
     data, mount = mujoco.MjData(model), model.body(MOUNT).id
     mujoco.mj_kinematics(model, data)
@@ -80,6 +82,7 @@ def _base_points(model: mujoco.MjModel) -> NDArray[np.float64]:
 
 
 def _hangs_below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
+    """Whether a body is another, or hangs from it."""
     while body not in (0, ancestor):
         body = int(model.body_parentid[body])
     return body == ancestor

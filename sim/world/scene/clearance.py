@@ -21,7 +21,7 @@ from .scene import Scene
 FACE_RADIUS_M = 0.008
 """The probe's face: the part of the probe that is meant to touch the organ."""
 ARM_MARGIN_M = 0.003
-"""Room kept between the organ and the arm; covers the grid's interpolation error and the spheres' clearances."""
+"""Room kept between organ and arm [m]; it covers the grid's interpolation error and what the spheres leave out."""
 PROBE_MARGIN_M = 0.0
 """The probe's flanks may come as close as they like, but not under the surface."""
 SURFACE_SPACING_M = 0.004
@@ -29,7 +29,7 @@ SURFACE_SPACING_M = 0.004
 FAR_M = 0.1
 """Distances beyond this are not measured further when many states are looked at."""
 PROBE_FAR_M = 0.003
-"""The same for the probe, which is meant to be near."""
+"""The same for the probe, whose work is near the organ."""
 MAX_MESH_POINTS = 200
 """Vertices of an arm's mesh geom that stand for it."""
 
@@ -90,9 +90,9 @@ class Clearance:
         return None
 
     def probe_collision(self, T_world_probe: NDArray[np.float64]) -> Collision | None:
-        """Whether the probe alone, with its tip at this frame, would enter the organ.
+        """How the probe itself, with its tip at this frame, would enter the organ; None where it would not.
 
-        No configuration of the arm can mend such a pose but by rolling, and the embedded probe is round.
+        Only a roll about the beam could mend such a pose, and the embedded probe is round.
 
         Args:
             T_world_probe: Frame of the tip, shape (4, 4).
@@ -154,8 +154,8 @@ class Clearance:
                 continue
             at, radius_m = self._covers[int(geom)]
             world_m = geoms_m[near, geom][:, None] + at @ R_world_geoms[near, geom].transpose(0, 2, 1)
-            gaps_m = self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at)) - radius_m
-            bound_m[near, column] = gaps_m.min(axis=1)
+            distances_m = self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at))
+            bound_m[near, column] = (distances_m - radius_m).min(axis=1)
         if not len(arm):
             return np.full(n, np.inf), np.zeros(n, dtype=np.int64)
         closest = np.argmin(bound_m, axis=1)
@@ -199,7 +199,11 @@ def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.fl
 
 
 def axis_spheres(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Spheres along a capsule's axis, half a radius apart, so that they miss at most 3 % of its radius."""
+    """Spheres along a capsule's axis, half a radius apart, so that they miss at most 3 % of its radius.
+
+    Returns:
+        Centres in the geom's frame [m], shape (N, 3), and radii [m], shape (N,); one sphere for a sphere.
+    """
     radius_m = float(model.geom_size[geom, 0])
     is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
     half_m = float(model.geom_size[geom, 1]) if is_capsule else 0.0
@@ -227,7 +231,8 @@ def _boundary_range(
 ) -> NDArray[np.float64]:
     """Distance [m] from a primitive's centre to its boundary along each direction."""
     low, high = np.zeros(len(directions)), np.full(len(directions), 2.0 * float(np.linalg.norm(size)))
-    for _ in range(40):  # bisection: the bodies are star-shaped about their centre
+    # The bodies are star-shaped about their centre, so bisection finds the boundary.
+    for _ in range(40):
         middle = (low + high) / 2.0
         inside = _contains(kind, size, directions * middle[:, None])
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)

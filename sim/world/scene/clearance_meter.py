@@ -1,4 +1,4 @@
-"""Clearances: how much room the arm has in many configurations at once, to the table, to itself and to the organ."""
+"""Clearances: how far the arm is from the table, from itself and from the organ, in many configurations at once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .scene import MOUNT, Scene
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """Room of N configurations; nothing beyond `FAR_M` is told apart."""
+    """Clearances of N configurations; distances beyond `FAR_M` are not told apart."""
 
     contact_m: NDArray[np.float64]
     """Least distance of arm and probe to the table and to each other [m], shape (N,)."""
@@ -28,7 +28,7 @@ class Clearances:
 
     @property
     def is_free(self) -> NDArray[np.bool_]:
-        """Whether nothing touches that must not, the probe on the organ left out, shape (N,)."""
+        """Whether nothing touches that must not, shape (N,); the probe on the organ is left out."""
         return (self.contact_m >= 0.0) & (self.organ_m >= ARM_MARGIN_M)
 
     @property
@@ -43,7 +43,8 @@ class ClearanceMeter:
     def __init__(self, scene: Scene, clearance: Clearance) -> None:
         """Prepare a copy of the scene in which MuJoCo reports pairs up to `FAR_M` apart."""
         self._model = copy.copy(scene.model)
-        self._model.geom_margin[:] = FAR_M / 2.0  # the margins of the two geoms add up
+        # The margins of the two geoms of a pair add up.
+        self._model.geom_margin[:] = FAR_M / 2.0
         self._data = mujoco.MjData(self._model)
         self._clearance = clearance
 
@@ -86,7 +87,7 @@ class ClearanceMeter:
         return None
 
     def probe_collision(self, distance_m: float, geom: int) -> Collision | None:
-        """What a distance of the probe to the organ means."""
+        """The collision that a distance of the probe to the organ means, or None."""
         if distance_m >= PROBE_MARGIN_M:
             return None
         return Collision((self._clearance.name(geom), "organ"), float(distance_m))

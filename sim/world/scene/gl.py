@@ -15,7 +15,7 @@ from typing import Any
 from sim.world.errors import WorldError
 
 BACKENDS = ("egl", "osmesa", "glfw")
-"""The order in which backends are tried when none is asked for: GPU or llvmpipe, software, a window system."""
+"""The order in which backends are tried when none is named: GPU or llvmpipe, software, a window system."""
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """The system library that each windowless backend needs."""
 GL_VARIABLE = "SOUNDING_GL"
@@ -31,28 +31,28 @@ class RenderingError(WorldError):
 
 
 def adopt_mujoco_gl() -> None:
-    """Move MUJOCO_GL to SOUNDING_GL, to be called before mujoco is imported.
+    """Move MUJOCO_GL to SOUNDING_GL. This is to be called before mujoco is imported.
 
     With MUJOCO_GL=egl and no EGL library, `import mujoco` itself would die.
     """
-    asked = os.environ.pop("MUJOCO_GL", "").strip().lower()
-    if asked in BACKENDS:
-        os.environ.setdefault(GL_VARIABLE, asked)
+    named = os.environ.pop("MUJOCO_GL", "").strip().lower()
+    if named in BACKENDS:
+        os.environ.setdefault(GL_VARIABLE, named)
 
 
 def install_backend() -> str:
-    """Give mujoco's renderer the first backend that works; returns its name.
+    """The name of the first backend that works, which mujoco's renderer is given.
 
     Raises:
         RenderingError: None works; the text lists each failure and the packages to install.
     """
     from mujoco.rendering.classic import gl_context
 
-    asked = os.environ.get(GL_VARIABLE, os.environ.get("MUJOCO_GL", "")).strip().lower()
-    if asked and asked not in BACKENDS:
-        raise RenderingError(f"{GL_VARIABLE}={asked}: choose one of {', '.join(BACKENDS)}.")
+    named = os.environ.get(GL_VARIABLE, os.environ.get("MUJOCO_GL", "")).strip().lower()
+    if named and named not in BACKENDS:
+        raise RenderingError(f"{GL_VARIABLE}={named}: choose one of {', '.join(BACKENDS)}.")
     failures: list[str] = []
-    for backend in [asked] if asked else BACKENDS:
+    for backend in [named] if named else BACKENDS:
         try:
             context_class = _context_class(backend)
             _try_context(context_class)

@@ -21,7 +21,7 @@ PATH_RADIUS_M = 0.0009
 HORIZON_MARGIN_DEG = 2.0
 """The endless floor fills pictures whose upper edge looks at least this far below the horizon."""
 MAX_CELLS = 400
-"""Cells drawn at most: of more, an even choice is shown."""
+"""Most cells drawn; of more, an even choice is shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,14 +78,12 @@ class SceneRenderer:
         """The picture of a state, shape (height, width, 3)."""
         self._renderer.update_scene(data, self._camera, self._option)
         scene = self._renderer.scene
-        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = (
-            0  # half the time, and ugly edges on a translucent organ
-        )
+        # Shadows take half of the time and draw ugly edges on a translucent organ.
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
-        scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = (
-            self._sees_sky
-        )  # costs as much as arm and organ together
+        # The sky takes as long as arm and organ together.
+        scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = self._sees_sky
         if overlay is not None:
             _draw(scene, overlay)
         return self._renderer.render()
@@ -151,7 +149,7 @@ def _add_geom(
     position_m: NDArray[np.float64],
     rgba: tuple[float, float, float, float],
 ) -> mujoco.MjvGeom | None:
-    """Add a decorative geom to the picture, or nothing when the picture is full."""
+    """The geom that is added to the picture, or None when the picture is full."""
     if scene.ngeom >= scene.maxgeom:
         return None
     geom = scene.geoms[scene.ngeom]

@@ -23,13 +23,13 @@ STRUCTURE_RGBA = (0.30, 0.42, 0.62, 0.85)
 KEEPOUT_RGBA = (0.16, 0.45, 0.30, 0.95)
 CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
 MOUNT = "mount"
-"""The body that carries the arm's base: its pose in the world is the arm's placement."""
+"""The body that carries the arm's base, and whose pose in the world is where the arm stands."""
 MIN_MESH_EXTENT_M = 1e-4
 """Tumours thinner than this have no volume that MuJoCo could integrate."""
 
 
 class Group(IntEnum):
-    """Geom groups, so that a ray or a picture asks only for what it wants. MuJoCo has these six and no more."""
+    """Geom groups, by which a ray or a picture chooses what it meets or shows. MuJoCo has these six and no more."""
 
     SCENERY = 0
     """Table and structures: what is only shown."""
@@ -116,14 +116,15 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
 
 
 def _attach(spec: mujoco.MjSpec, probe: mujoco.MjSpec, arm: ArmModel | None) -> NDArray[np.float64]:
-    """Attach the arm and the probe at its flange (or a mocap probe); returns the home configuration."""
+    """The home configuration of the arm, which is attached with the probe at its flange; empty for a mocap probe."""
     if arm is None:
         probe.body("probe").mocap = True
         spec.attach(probe, prefix="probe_", frame=spec.worldbody.add_frame())
         return np.empty(0)
     arm_spec, home_q = arm.load()
+    # Rays choose what they meet by these groups.
     for geom in arm_spec.geoms:
-        if geom.group in (Group.ORGAN, Group.TUMOUR, Group.TARGET):  # those groups are what rays ask for
+        if geom.group in (Group.ORGAN, Group.TUMOUR, Group.TARGET):
             geom.group = int(Group.ARM)
     T_world_base = arm.T_world_base
     quat = np.empty(4)
@@ -148,16 +149,11 @@ def _exclude_neighbours(spec: mujoco.MjSpec, flange: str) -> None:
     base = next((body for body in spec.bodies if body.name.startswith("arm_")), None)
     if base is not None:
         spec.add_exclude(bodyname1="table", bodyname2=base.name)
-    for (
-        body
-    ) in spec.bodies:  # MuJoCo lets links off that share a joint, but not where the first of them is fixed
+    # MuJoCo itself excludes links that share a joint, but not where the first of them is fixed.
+    for body in spec.bodies:
         parent = body.parent
-        if (
-            body.name.startswith("arm_")
-            and body.joints
-            and parent.name.startswith("arm_")
-            and _is_fixed(parent)
-        ):
+        is_link = body.name.startswith("arm_") and parent.name.startswith("arm_")
+        if is_link and body.joints and _is_fixed(parent):
             spec.add_exclude(bodyname1=parent.name, bodyname2=body.name)
 
 

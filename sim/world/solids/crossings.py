@@ -1,4 +1,4 @@
-"""Where vertical rays cross a triangle surface, for many rays at once and with numpy alone.
+"""Where vertical rays cross a triangle surface, for many rays at once and with nothing but NumPy.
 
 Triangles are binned on a grid in the xy plane; a point's ray can only meet the triangles of its own bin.
 Whether a place lies within a triangle is decided by which side of each edge it is on. Every edge is evaluated
@@ -20,11 +20,13 @@ CHUNK_PAIRS = 400_000
 """Point-triangle pairs tested at once: about 60 MB of temporaries."""
 
 TRIANGLES_PER_BIN = 2.0
-"""Aim for the mean number of triangles in a bin; fewer costs memory, more costs tests."""
+"""Mean number of triangles in a bin that is aimed at; fewer cost memory, more cost tests."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Hits:
+    """Crossings above points: which point, +1 or -1 for the way through the surface, and where."""
+
     point: NDArray[np.int64]
     sign: NDArray[np.int64]
     height_m: NDArray[np.float64]
@@ -43,7 +45,8 @@ class VerticalCrossings:
         corners = vertices_m[faces]
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         normals = np.cross(b - a, c - a)
-        is_flat_enough = normals[:, 2] != 0.0  # a vertical triangle is never crossed by a vertical ray
+        # A vertical ray never crosses a vertical triangle.
+        is_flat_enough = normals[:, 2] != 0.0
         faces, corners, normals = faces[is_flat_enough], corners[is_flat_enough], normals[is_flat_enough]
         self._sign = np.sign(normals[:, 2]).astype(np.int64)
         self._slope = -normals[:, :2] / normals[:, 2:]
@@ -52,6 +55,7 @@ class VerticalCrossings:
         self._bin(corners)
 
     def _bin(self, corners: NDArray[np.float64]) -> None:
+        """Lists the triangles that may lie over each bin of a grid in the plane."""
         low, high = corners[:, :, :2].min(axis=1), corners[:, :, :2].max(axis=1)
         self._low = low.min(axis=0, initial=np.inf) if len(low) else np.zeros(2)
         span = (high.max(axis=0) - self._low) if len(high) else np.ones(2)
@@ -123,7 +127,8 @@ class VerticalCrossings:
         point: NDArray[np.int64],
         triangle: NDArray[np.int64],
     ) -> _Hits:
-        for k in range(3):  # each test leaves fewer pairs for the next
+        # Each edge's test leaves fewer pairs for the next.
+        for k in range(3):
             x, y = places[point, 0], places[point, 1]
             line = self._lines[k][triangle]
             side = line[:, 2] * (y - line[:, 1]) - line[:, 3] * (x - line[:, 0])

@@ -85,7 +85,8 @@ class DistanceGrid:
         first = (cell[:, 0] * ny + cell[:, 1]) * nz + cell[:, 2]
         values_m = self.values_m.reshape(-1)
 
-        lines_m = []  # interpolated along z, at the four corners in x and y
+        # Interpolated along z, at the four corners in x and y.
+        lines_m = []
         for offset in (0, nz, ny * nz, ny * nz + nz):
             below = values_m.take(first + offset)
             lines_m.append(below + w * (values_m.take(first + (offset + 1)) - below))
@@ -97,7 +98,8 @@ class DistanceGrid:
 def _node_distances_m(solid: Solid, nodes_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance [m] of every lattice node to the surface, shape (nx, ny, nz)."""
     distance = _far_distances_m(solid, nodes_m)
-    is_near = distance < 1.5 * EXACT_BAND_M  # what was found may be too far by a few tenths of a millimetre
+    # What was found may be too far by a few tenths of a millimetre, hence the wider band.
+    is_near = distance < 1.5 * EXACT_BAND_M
     distance[is_near] = surface_distance_of(solid).distance_to_triangles_m(nodes_m[is_near])
     return distance
 

@@ -48,7 +48,7 @@ class Solid:
 
     @classmethod
     def from_trimesh(cls, mesh: trimesh.Trimesh) -> "Solid":
-        """Solid with the mesh's vertices, taken as metres, and faces."""
+        """The solid of a mesh, whose vertices are taken for metres."""
         return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
     def to_trimesh(self) -> trimesh.Trimesh:
@@ -57,7 +57,7 @@ class Solid:
 
     @cached_property
     def _crossings(self) -> VerticalCrossings:
-        """Made when first asked: a solid that is only drawn needs none."""
+        """The crossings of vertical rays with the surface, made on first use: a solid that is only drawn needs none."""
         return VerticalCrossings(self.vertices_m, self.faces)
 
     @property

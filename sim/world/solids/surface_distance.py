@@ -24,7 +24,7 @@ NARROW_SHARE = 0.85
 """A triangle is narrow whose shortest edge is below this share of the spacing: strips half as long then fit."""
 
 N_NEAR_PIECES = 6
-"""Pieces looked up per query in the band: their triangles include the closest or one hardly farther."""
+"""Pieces looked up per query in the band: the closest triangle, or one hardly farther, is among theirs."""
 
 
 class SurfaceDistance:
@@ -84,7 +84,7 @@ class SurfaceDistance:
 
 @lru_cache(maxsize=2)
 def surface_distance_of(solid: Solid) -> SurfaceDistance:
-    """The distance to a solid's surface, kept for when the same solid is asked about again."""
+    """The distance to a solid's surface, kept for the next call with the same solid."""
     return SurfaceDistance(solid)
 
 
@@ -99,10 +99,9 @@ def strew_points(solid: Solid, spacing_m: float) -> NDArray[np.float64]:
         Points [m], shape (P, 3): no surface point is farther than spacing_m / sqrt(3) from one.
     """
     corners = divide_triangles(solid, spacing_m)[0].reshape(-1, 3)
-    _, first = np.unique(
-        corners @ np.sqrt([2.0, 3.0, 5.0]), return_index=True
-    )  # equal points, equal products
-    return corners[first]
+    # Equal points have equal products, which sort faster than points.
+    product = corners @ np.sqrt([2.0, 3.0, 5.0])
+    return corners[np.unique(product, return_index=True)[1]]
 
 
 def strewn_tree(solid: Solid, spacing_m: float) -> KDTree:
@@ -164,7 +163,8 @@ def _cut_in_strips(
     q_near, q_far, r_near, r_far = (
         apex + share * (end - apex) for end, share in ((q, near), (q, far), (r, near), (r, far))
     )
-    at_apex = number == 0  # there the strip is a triangle
+    # The strip at the apex is a triangle, not two.
+    at_apex = number == 0
     parts = np.stack([q_near, q_far, r_far], axis=1), np.stack([q_near, r_far, r_near], axis=1)[~at_apex]
     return np.concatenate(parts), np.concatenate([of_strip, of_strip[~at_apex]])
 
@@ -208,6 +208,7 @@ def closest_points_on_triangles(
 def _closest_on_segment(
     points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """The closest point of one segment to one point, for many pairs, shape (N, 3)."""
     along = end - start
     squared = np.einsum("ij,ij->i", along, along)
     t = np.einsum("ij,ij->i", points - start, along)

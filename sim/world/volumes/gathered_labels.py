@@ -23,7 +23,7 @@ class GatheredLabels:
     """What was read of a volume so far."""
 
     def __init__(self, path: Path) -> None:
-        """Begin before the first layer of a file, which is named in messages."""
+        """Begin before the first layer of a file, whose name is for messages."""
         self._path, self._n_layers = path, 0
         self._kept: list[tuple[Bounds, NDArray[np.uint16]]] = []
         self._counts = np.zeros(LARGEST_LABEL + 1, dtype=np.int64)
@@ -66,7 +66,8 @@ class GatheredLabels:
         every = np.array([bounds for bounds, _ in self._kept])
         low, high = every[:, :, 0].min(axis=0), every[:, :, 1].max(axis=0)
         whole = np.zeros(high - low, dtype=np.uint16, order="F")
-        while self._kept:  # what was put in its place is let go
+        # A part that was put in its place is let go, so that memory holds no label twice for long.
+        while self._kept:
             bounds, labels = self._kept.pop()
             whole[_slices(bounds - low[:, None])] = labels
         counts = {int(each): int(self._counts[each]) for each in np.flatnonzero(self._counts[1:]) + 1}

@@ -1,4 +1,4 @@
-"""What the header of a label volume claims, and whether it can be: sizes, types and axes, before a voxel is read."""
+"""What the header of a label volume claims, and whether that can be: sizes, types and axes, before a voxel is read."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ METRES_PER_UNIT = {
 """Of the units that headers name."""
 
 BYTES_PER_VOXEL = 4
-"""Labels are kept once in parts and once together, where all of a volume is labelled."""
+"""Where all of a volume is labelled, its labels are in memory twice, in parts and together."""
 
 MOST_DEFLATED = 1040
 """No gzip stream unfolds to more bytes per byte than this; a file that claims more is cut short."""
@@ -41,17 +41,25 @@ class Grid:
     """What a header says, and how to read the voxels."""
 
     shape: tuple[int, ...]
+    """Numbers of voxels along the axes, of which there need not be three."""
     dtype: np.dtype[Any]
+    """Type of the voxels in the file."""
     T_lps_voxel: NDArray[np.float64]
+    """Affine map of voxel indices to patient axes [m], shape (4, 4)."""
     layers: Callable[[int], Iterator[NDArray[Any]]]
     """Reads the voxels from the first to the last, in parts of so many layers across the last axis, shape (I, J, n)."""
     is_streamed: bool = False
     """Whether no part that was read is kept."""
     slope: float = 1.0
+    """Factor of the values."""
     intercept: float = 0.0
+    """What is added to them after."""
     notices: list[str] = field(default_factory=list)
+    """One sentence for each thing assumed."""
     label_names: dict[int, str] = field(default_factory=dict)
+    """Names of labels that the file gives."""
     is_compressed: bool = False
+    """Whether the voxels are packed in the file."""
 
 
 def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
@@ -90,7 +98,12 @@ def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
 
 
 def check_affine(path: Path, grid: Grid, spacing_m: tuple[float, float, float] | None) -> NDArray[np.float64]:
-    """The map of voxels to the patient, with the spacing asked for.
+    """The map of voxels to the patient, with the spacing that is given.
+
+    Args:
+        path: The file, for messages.
+        grid: What its header says.
+        spacing_m: Distances between voxels in place of the header's [m], or None.
 
     Raises:
         VolumeError: It is not finite, flat, or of an impossible spacing.

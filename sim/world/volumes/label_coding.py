@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 from sim.world.errors import VolumeError
 
-if TYPE_CHECKING:  # so that a scenario, which needs the names of the codings alone, loads no arrays
+if TYPE_CHECKING:
+    # A scenario needs only the names of the codings, and then loads no arrays.
     from .volume import Volume
 
 CodingName = Literal["auto", "lits", "msd-liver", "3d-ircadb", "totalsegmentator"]
@@ -63,7 +64,16 @@ tumour as 1 and 2; 3D-IRCADb-01 has a mask per structure, 255 inside; TotalSegme
 
 @dataclass(frozen=True, kw_only=True)
 class LabelChoice:
-    """What a user says of the labels: the name of a coding, and numbers that take precedence over it."""
+    """What a user says of the labels: the name of a coding, and numbers that take precedence over it.
+
+    Attributes:
+        coding: One of `CODINGS`, or auto for what the labels tell.
+        organ: Labels of the organ.
+        tumours: Labels of tumours.
+        targets: Labels of the second class.
+        structures: Labels of structures to show.
+        keepouts: Labels of structures that must not be pressed.
+    """
 
     coding: str = "auto"
     organ: tuple[int, ...] = ()
@@ -109,7 +119,11 @@ def coding_of(volume: Volume, choice: LabelChoice, path: object) -> tuple[Coding
 
 
 def _guess(volume: Volume, path: object) -> tuple[Coding, list[str]]:
-    """The coding that a volume's names or labels tell."""
+    """The coding that a volume's names or labels tell, and what was assumed.
+
+    Raises:
+        VolumeError: They tell none.
+    """
     labels, names = set(volume.counts), volume.label_names
     if names:
         organ = _like(names, WORDS["organ"], without=WORDS["tumour"])

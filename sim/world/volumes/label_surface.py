@@ -12,27 +12,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, zoom
+from skimage import measure
 
 from sim.world.errors import MeshError
 from sim.world.meshes.decimation import decimate
 from sim.world.meshes.repair import RepairError, repair
 from sim.world.meshes.topology import signed_volume_m3
-from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
 
-EXTRA = "labels"
-
 LEAST_BLUR_VOXELS = 0.8
-"""Standard deviation of the blur along each axis, in voxels: less leaves steps."""
+"""Least standard deviation of the blur along each axis, in voxels: with less the voxels' steps stay."""
 
 LEAST_BLUR_M = 0.8e-3
-"""And at least this [m]: with thin slices steps are an outline's jitter from slice to slice."""
+"""The blur is at least this wide [m]: between thin slices the steps are the jitter of their outlines."""
 
 MARGIN_SIGMAS = 4.0
 """Empty voxels are kept about the mask as wide as this many standard deviations of the blur."""
 
 MOST_CELLS = 12_000_000
-"""Points of the even grid at most; it is coarsened to that."""
+"""Most points of the even grid, which is coarsened to that."""
 
 VOLUME_TOLERANCE = 2e-3
 """Share of the voxels' volume by which the surface's may differ."""
@@ -48,7 +46,7 @@ class SurfaceSettings:
     spacing_m: float
     """Spacing of the even grid [m]."""
     n_triangles: int
-    """Triangles kept at most."""
+    """Most triangles of the surface."""
 
 
 ORGAN_SURFACE = SurfaceSettings(spacing_m=1.5e-3, n_triangles=20_000)
@@ -56,7 +54,7 @@ STRUCTURE_SURFACE = SurfaceSettings(spacing_m=1.2e-3, n_triangles=12_000)
 
 
 def tumour_surface(diameter_m: float) -> SurfaceSettings:
-    """Settings for a tumour: fine enough that a small one is round."""
+    """The settings for a tumour: fine enough that a small one is round."""
     return SurfaceSettings(spacing_m=float(np.clip(diameter_m / 14.0, 0.4e-3, 1.5e-3)), n_triangles=4_000)
 
 
@@ -73,9 +71,8 @@ def surface_of(mask: NDArray[np.bool_], T_lps_voxel: NDArray[np.float64], settin
 
     Raises:
         MeshError: No closed surface could be drawn.
-        WorldError: scikit-image is not installed.
+        MissingPackageError: fast-simplification is not installed, and the surface needs it.
     """
-    measure = optional_module("skimage.measure", "scikit-image", EXTRA, "reading label volumes")
     field, T_lps_grid = _even_field(mask, T_lps_voxel, settings.spacing_m)
     volume_m3 = int(mask.sum()) * abs(float(np.linalg.det(T_lps_voxel[:3, :3])))
     cell_m3 = abs(float(np.linalg.det(T_lps_grid[:3, :3])))
@@ -111,7 +108,8 @@ def _even_field(
         wanted = np.maximum((wanted / np.cbrt(1.0 + excess)).astype(int), 3)
     is_finer = bool((wanted > shape).any())
     field = np.asarray(zoom(blurred, wanted / shape, order=3 if is_finer else 1, mode="nearest"), np.float32)
-    for axis in range(3):  # the surface closes within the grid
+    # With a border of zeros the surface closes within the grid.
+    for axis in range(3):
         border = np.moveaxis(field, axis, 0)
         border[[0, -1]] = 0.0
     T = np.array(T_lps_voxel, dtype=np.float64)

@@ -20,7 +20,6 @@ ROUNDING = 1e-3
 SLAB_VOXELS = 4_000_000
 """Voxels looked at together: about 100 MB of temporaries."""
 
-
 Layers = Callable[[int], Iterator[NDArray[Any]]]
 """Reads voxels in order, in parts of so many layers across the last axis, shape (I, J, n)."""
 
@@ -51,7 +50,7 @@ def read_labels(
     slope: float,
     intercept: float,
 ) -> FoundLabels:
-    """The labels of voxels, of which no more than some layers and what is labelled is ever in memory.
+    """The labels of voxels, of which memory never holds more than some layers and what is labelled.
 
     Numbers from 0 to 1 that are not whole are taken for probabilities, and those above one half for label 1. Numbers
     that have to be scaled or may have a fraction are read twice.

@@ -23,7 +23,8 @@ def read_nifti(path: Path) -> Grid:
         ValueError: The first bytes are not those of a NIfTI header. nibabel raises errors of its own on others.
     """
     image = nifti1.load(path) if _is_nifti1(path) else nifti2.load(path)
-    header, stored = image.header, cast(Any, image.dataobj)  # its stubs know arrays alone
+    # nibabel's stubs know a `dataobj` only as an array, which has no offset in the file.
+    header, stored = image.header, cast(Any, image.dataobj)
     unit = METRES_PER_UNIT.get(str(header.get_xyzt_units()[0]), 1e-3)
     T = np.eye(4)
     T[:3] = LPS_FROM_RAS @ np.asarray(image.affine, dtype=np.float64)[:3] * unit
@@ -38,7 +39,7 @@ def read_nifti(path: Path) -> Grid:
         shape=tuple(int(n) for n in image.shape),
         dtype=header.get_data_dtype(),
         T_lps_voxel=T,
-        layers=lambda n: _nifti_layers(path, stored, n),
+        layers=lambda n: _layers(path, stored, n),
         is_streamed=True,
         slope=1.0 if slope is None else float(slope),
         intercept=0.0 if intercept is None else float(intercept),
@@ -47,8 +48,8 @@ def read_nifti(path: Path) -> Grid:
     )
 
 
-def _nifti_layers(path: Path, stored: Any, n: int) -> Iterator[NDArray[Any]]:
-    """Parts of a NIfTI file's voxels, none of which are kept."""
+def _layers(path: Path, stored: Any, n: int) -> Iterator[NDArray[Any]]:
+    """The voxels in parts of `n` layers, none of which is kept."""
     i, j, n_layers = (*stored.shape[:2], int(np.prod(stored.shape[2:])))
     with Opener(str(path)) as file:
         file.seek(stored.offset)

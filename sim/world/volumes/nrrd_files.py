@@ -18,6 +18,16 @@ from .grid import METRES_PER_UNIT, Grid
 CHUNK_BYTES = 1 << 20
 """Packed bytes that are read at once."""
 
+LPS_SIGNS = {
+    "left-posterior-superior": (1, 1, 1),
+    "lps": (1, 1, 1),
+    "right-anterior-superior": (-1, -1, 1),
+    "ras": (-1, -1, 1),
+    "left-anterior-superior": (1, -1, 1),
+    "las": (1, -1, 1),
+}
+"""What turns the axes of a header's space to LPS."""
+
 
 def read_nrrd(path: Path) -> Grid:
     """The grid of a .nrrd or .nhdr file. No voxel is read before the grid's layers are taken.
@@ -49,16 +59,14 @@ def read_nrrd(path: Path) -> Grid:
 
 
 def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], list[str]]:
-    """Voxel indices to LPS metres, for the first three axes that lie in space."""
+    """The map of voxel indices to LPS metres, of the first three axes that lie in space, and notices."""
     notices: list[str] = []
     space = str(header.get("space", "")).lower().replace(" ", "-")
-    known = {"left-posterior-superior": (1, 1, 1), "lps": (1, 1, 1), "right-anterior-superior": (-1, -1, 1)}
-    known |= {"ras": (-1, -1, 1), "left-anterior-superior": (1, -1, 1), "las": (1, -1, 1)}
-    if space not in known:
+    if space not in LPS_SIGNS:
         notices.append(
             "the header names no patient axes that are known; LPS is assumed: check left and right"
         )
-    flip = np.diag(np.array(known.get(space, (1, 1, 1)), dtype=np.float64))
+    flip = np.diag(np.array(LPS_SIGNS.get(space, (1, 1, 1)), dtype=np.float64))
     unit = METRES_PER_UNIT.get(str((header.get("space units") or ["mm"])[0]), 1e-3)
     T = np.eye(4)
     if header.get("space directions") is not None:
@@ -80,7 +88,7 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
 
 
 def _segment_names(header: dict[str, Any]) -> dict[int, str]:
-    """Names that 3D Slicer gives the labels in a .seg.nrrd."""
+    """The names that 3D Slicer gives the labels in a .seg.nrrd."""
     names = {}
     for index in range(1000):
         name, value = header.get(f"Segment{index}_Name"), header.get(f"Segment{index}_LabelValue")
@@ -92,7 +100,7 @@ def _segment_names(header: dict[str, Any]) -> dict[int, str]:
 
 
 def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:
-    """Parts of voxels that are in memory."""
+    """Voxels that are in memory, in parts of `n` layers."""
     whole = values.reshape(tuple(size for axis, size in enumerate(shape) if axis < 3 or size != 1), order="F")
     for first in range(0, whole.shape[2], n):
         yield whole[:, :, first : first + n]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 AXIS_LETTERS = (("R", "L"), ("A", "P"), ("I", "S"))
-"""What decreasing and increasing LPS coordinates mean."""
+"""Where decreasing and increasing LPS coordinates lead: right and left, front and back, foot and head."""
 
 OBLIQUE_RAD = np.deg2rad(0.5)
-"""Axes that are turned further off the patient's axes than this make a volume oblique."""
+"""A volume is oblique if an axis is turned further off the patient's axes than this."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

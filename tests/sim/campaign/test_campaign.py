@@ -178,7 +178,7 @@ def test_a_finished_campaign_runs_nothing_and_a_study_may_grow(study, campaign, 
 
 def test_another_study_s_folder_is_refused(study, campaign, tmp_path) -> None:
     before = (campaign / "journal.jsonl").read_bytes()
-    with pytest.raises(UsageError, match="holds another study; this one has no trial.*--overwrite"):
+    with pytest.raises(UsageError, match="holds another study; this one has no trial.*`overwrite`"):
         run_campaign(Options(study=str(study), out=campaign, seeds="0:3"))
     with pytest.raises(UsageError, match="holds another study"):
         run_campaign(Options(study=str(study), out=campaign, until_sensed=0.5))
@@ -190,7 +190,7 @@ def test_other_input_files_and_other_code_are_refused(study, campaign, tmp_path)
     content = json.loads((out / "study.json").read_text())
     content["machine"]["packages"]["numpy"] = "1.0"
     (out / "study.json").write_text(json.dumps(content))
-    with pytest.raises(UsageError, match="another version .packages.*--any-version"):
+    with pytest.raises(UsageError, match="another version .packages.*`any_version`"):
         run_campaign(Options(study=str(study), out=out))
     assert run_campaign(Options(study=str(study), out=out, any_version=True)).n_run == 0
     ball = study.parent / "ball.stl"

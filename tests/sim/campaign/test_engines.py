@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import trial_work
 
-from sim.campaign.engines.engine import make_engine
+from sim.campaign.engines.factory import make_engine
 from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Part, Trial
 from sim.errors import UsageError
@@ -68,7 +68,7 @@ def test_processes_end_with_the_campaign_s_own(tmp_path) -> None:
         time.sleep(60)
     """
     parent = subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(code), str(ROOT / "tests")],
+        [sys.executable, "-c", textwrap.dedent(code), str(ROOT / "tests" / "helpers")],
         stdout=subprocess.PIPE,
         text=True,
         cwd=ROOT,
@@ -103,7 +103,7 @@ def test_a_dask_cluster_survives_the_death_of_a_worker(tmp_path) -> None:
 
 def test_a_ray_cluster_survives_the_death_of_a_worker(tmp_path, monkeypatch) -> None:
     pytest.importorskip("ray")
-    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests"))  # where its workers find trial_work
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "tests" / "helpers"))  # where its workers find trial_work
     from sim.campaign.engines.ray_engine import RayEngine
 
     some = [Trial(config_of(seed=seed, organ=tmp_path / "marker")) for seed in range(6)]
@@ -114,5 +114,5 @@ def test_a_ray_cluster_survives_the_death_of_a_worker(tmp_path, monkeypatch) -> 
 
 
 def test_an_address_without_a_cluster_is_refused() -> None:
-    with pytest.raises(UsageError, match="goes with --engine dask"):
+    with pytest.raises(UsageError, match="goes with the engines dask"):
         make_engine("local", n_jobs=1, address="tcp://127.0.0.1:1")

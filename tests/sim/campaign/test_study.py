@@ -61,7 +61,7 @@ def test_a_part_has_every_combination_once(scenarios, planners, steps, first, co
     seeds = range(first, first + count)
     part = Part({"steps": steps, "seed": seeds, "planner": planners, "scenario": scenarios})
     trials = list(part.trials())
-    found = [(t.options.scenario, t.options.planner, t.options.steps, t.options.seed) for t in trials]
+    found = [(t.config.scenario, t.config.planner, t.config.steps, t.config.seed) for t in trials]
     assert sorted(found) == sorted(itertools.product(scenarios, planners, steps, seeds))
     assert len(part) == len(trials) == len({trial.key for trial in trials})
     assert [name for name, _ in itertools.groupby(scenario for scenario, *_ in found)] == scenarios
@@ -74,11 +74,11 @@ def test_parts_take_precedence_over_what_they_share(tmp_path) -> None:
     study = study_of(tmp_path, GOOD)
     first, second = study.parts
     assert len(study) == 2 * 2 * 3 + 2 * 2 * 2 * 3
-    assert {trial.options.seed for trial in first.trials()} == {5, 6, 7}
-    assert {trial.options.seed for trial in second.trials()} == {1, 10, 11}
-    assert {trial.options.steps for trial in second.trials()} == {7}
-    assert {trial.options.until_sensed for trial in study.trials()} == {1.0}
-    assert {trial.options.scenario for trial in second.trials()} == {"spheres", "liver"}
+    assert {trial.config.seed for trial in first.trials()} == {5, 6, 7}
+    assert {trial.config.seed for trial in second.trials()} == {1, 10, 11}
+    assert {trial.config.steps for trial in second.trials()} == {7}
+    assert {trial.config.until_sensed for trial in study.trials()} == {1.0}
+    assert {trial.config.scenario for trial in second.trials()} == {"spheres", "liver"}
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_parts_take_precedence_over_what_they_share(tmp_path) -> None:
         ("title", "titel", 2, "unknown key 'titel'.*title, episode, axes, part"),
         ('"multi-resolution"', '\n  "greedy"', 11, "greedy: choose one of.*random"),
         ('"spheres"', '"kidney"', 20, "'kidney': not one of sphere"),
-        ("steps = 7", "steps = 0", 18, "--steps 0"),
+        ("steps = 7", "steps = 0", 18, "steps=0"),
         ("steps = 7", 'steps = "7"', 18, "steps='7': a whole number"),
         ("0.1]", "1.5]", 11, "prior_prevalence"),
         ("[0.5, 0.1]", "0.5", 11, "an axis is a list"),
@@ -112,8 +112,8 @@ def test_paths_are_relative_to_the_study(tmp_path) -> None:
     (tmp_path / "case.toml").write_text('base = "sphere"')
     study = study_of(tmp_path, '[axes]\nscenario = ["case.toml"]\n[episode]\norgan = "organ.stl"')
     (trial,) = study.trials()
-    assert trial.options.scenario == str(tmp_path / "case.toml")
-    assert trial.options.organ == tmp_path / "organ.stl"
+    assert trial.config.scenario == str(tmp_path / "case.toml")
+    assert trial.config.organ == tmp_path / "organ.stl"
 
 
 @pytest.mark.parametrize("name", study_names())
@@ -160,8 +160,8 @@ def test_the_command_line_makes_a_study() -> None:
 @pytest.mark.parametrize(
     ("given", "text"),
     [
-        ({"jobs": 0}, "--jobs 0"),
-        ({"trials": 0}, "--trials 0"),
+        ({"jobs": 0}, "jobs=0"),
+        ({"trials": 0}, "trials=0"),
         ({"trials": 3, "seeds": "1:2"}, "give one of them"),
     ],
 )

@@ -125,7 +125,7 @@ def test_poses_near_what_must_not_be_pressed_are_left_out(scan):
     workspace = make_workspace(scenario_of(options), placed)
     assert structure.distance_m(workspace.positions_m).min() > 0.006
     free = dataclasses.replace(placed, structures=(dataclasses.replace(structure, is_keepout=False),))
-    all_poses = make_workspace(options.make_scenario(), free).positions_m
+    all_poses = make_workspace(scenario_of(options), free).positions_m
     near = structure.distance_m(all_poses) <= 0.006
     # The structure lies on the ball's front, which is up: a cap of it is lost, and nothing else.
     assert 0.01 < near.mean() < 0.15

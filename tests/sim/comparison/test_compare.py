@@ -192,12 +192,12 @@ def test_an_episode_that_ended_early_keeps_its_last_value_on_the_curve(tmp_path)
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"reference": "greedy"}, "--reference greedy: choose one of"),
-        ({"seeds": "500:600"}, "no trial is done there yet"),
+        ({"reference": "greedy"}, "reference=greedy: choose one of"),
+        ({"seeds": range(500, 600)}, "no trial is done there yet"),
         ({"folders": (Path("/nowhere"),)}, "holds no campaign"),
-        ({"view_seed": 777}, "--view-seed 777: no trial has that seed"),
+        ({"view_seed": 777}, "view_seed=777: no trial has that seed"),
     ],
 )
 def test_what_cannot_be_compared_is_said(campaign, tmp_path, change, text) -> None:
     with pytest.raises(UsageError, match=text):
-        compare((campaign,), tmp_path / "out", **change)
+        compare(**{"folders": (campaign,), "out": tmp_path / "out"} | change)

@@ -39,8 +39,9 @@ def test_a_file_changes_what_it_names_and_keeps_the_rest(tmp_path) -> None:
 
 def test_mesh_paths_are_relative_to_the_file(tmp_path) -> None:
     scenario = load_scenario(write(tmp_path, 'organ = "organ.stl"\ntumour_files = ["a.stl"]\n'))
-    assert scenario.organ == str(tmp_path / "organ.stl")
-    assert scenario.tumour_files == (str(tmp_path / "a.stl"),)
+    files = scenario.case_files
+    assert files is not None
+    assert (files.organ, files.tumours) == (str(tmp_path / "organ.stl"), (str(tmp_path / "a.stl"),))
 
 
 @pytest.mark.parametrize(

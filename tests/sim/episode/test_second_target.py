@@ -14,7 +14,7 @@ from mapping import HilbertMap, average_precision
 from planner import RandomOrder, Workspace
 from sim.episode.episode import Episode
 from sim.episode.positioner import FreePositioner
-from sim.episode.scenario import Scenario
+from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup
 from sim.errors import UsageError
 from sim.running.fields import config_of
@@ -138,9 +138,10 @@ def test_classes_that_change_places_change_maps(case, setup) -> None:
     assert target.probability[for_target.target.truth.is_target].mean() > 0.4  # of a prior of 2 %
 
 
-def test_a_class_that_is_not_there_is_refused(setup) -> None:
+def test_a_class_that_is_not_there_is_refused(setup, tmp_path) -> None:
+    (tmp_path / "case.toml").write_text('target_files = ["cyst.stl"]\n')
     with pytest.raises(UsageError, match="go with an organ's own file"):
-        Scenario(target_files=("cyst.stl",))
+        load_scenario(str(tmp_path / "case.toml"))
     planner, alone = planner_of(config_of()), dataclasses.replace(setup, given_targets=())
     with pytest.raises(ValueError, match="no second class"):
         Episode(alone, planner, seed=0, plans_for_target=True)

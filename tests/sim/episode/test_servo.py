@@ -74,7 +74,7 @@ def test_the_reading_comes_from_where_the_pressed_probe_really_is(sphere_arm_set
 def test_too_much_force_stops_the_arm(sphere_arm_setup, pose) -> None:
     # 2 mm press with 3.6 N. At the rim the grid sees half of them and would let it pass.
     servo = ServoSettings(stiffness_n_m=1800.0, force_limit_n=3.0)
-    with pytest.raises(ProcedureStoppedError, match="limit of 3 N.*--press-mm") as stopped:
+    with pytest.raises(ProcedureStoppedError, match="limit of 3 N.*`press_mm`") as stopped:
         motions(sphere_arm_setup, "servo", (pose,), servo=servo)
     motion = stopped.value.motion
     assert 3.0 < motion.peak_force_n < 4.0

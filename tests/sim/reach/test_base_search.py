@@ -98,7 +98,7 @@ def test_what_is_reached_from_any_base_holds_by_forward_kinematics(
 
 def test_the_best_base_is_better_and_its_share_holds_in_a_study(workcell, found) -> None:
     present, best = found.candidates[0], found.best
-    assert present.setup == "present"
+    assert present.stage == "present"
     assert best.reached_fraction > 0.9 > present.reached_fraction
     arm = ArmModel(base_m=best.stand[:3], base_yaw_rad=best.stand.yaw_rad)
     rebuilt = workcell.with_arm(arm)
@@ -109,7 +109,7 @@ def test_the_best_base_is_better_and_its_share_holds_in_a_study(workcell, found)
 def test_every_base_asked_has_room_and_the_others_say_why_not(workcell, found) -> None:
     base_room = BaseRoom(workcell.scene, workcell.organ_distance)
     assert len(found.asked) == QUESTION.n_bases
-    assert {candidate.setup for candidate in found.asked} == {"present", "grid", "refined"}
+    assert {candidate.stage for candidate in found.asked} == {"present", "grid", "refined"}
     for candidate in found.candidates:
         assert (base_room.obstacle(candidate.stand.T_world_base) is None) == (not candidate.obstacle)
         assert np.isnan(candidate.reached_fraction) == bool(candidate.obstacle)
@@ -151,7 +151,7 @@ def test_the_command_writes_its_table_and_says_what_to_type(tmp_path, capsys) ->
     with (out / "bases.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if not row["obstacle"]]
     assert len(rows) == summary["base_search"]["n_bases"] == 10
-    assert rows[0]["setup"] == "present"
+    assert rows[0]["stage"] == "present"
     ranked = sorted((float(row["reached_fraction"]) for row in rows), reverse=True)
     assert summary["base_search"]["best_reached_fraction_by_sample"] >= ranked[2]  # of the best three
     assert summary["base_search"]["best_reached_fraction"] > summary["reached_fraction"]

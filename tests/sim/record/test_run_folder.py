@@ -51,7 +51,7 @@ def test_an_earlier_run_is_kept_unless_told_otherwise(tmp_path) -> None:
         folder.begin({}, {})
         folder.append_row("steps.csv", {"step": 1})
     (tmp_path / "mine.txt").write_text("notes")
-    with pytest.raises(UsageError, match="already holds a run.*--overwrite"):
+    with pytest.raises(UsageError, match="already holds a run.*`overwrite`"):
         RunFolder(tmp_path)
     with RunFolder(tmp_path, overwrite=True):
         assert not (tmp_path / "steps.csv").exists()

@@ -18,6 +18,7 @@ from scanned_ball import CENTRE_MM, RADIUS_MM
 from two_classes import CYSTS_MM, N_ACTIONS, options, sensed, setup_of, write_meshes
 
 from mapping import average_precision
+from sim.campaign.study import Trial
 from sim.campaign.tables import curve_arrays
 from sim.campaign.trial import run_trial
 from sim.cli.command_line import main
@@ -166,7 +167,7 @@ def test_a_run_without_it_leaves_nothing_of_it(case, run, tmp_path) -> None:
 
 
 def test_a_trial_has_its_scores_in_the_row(case) -> None:
-    result = run_trial(options(case, planner="random", map="when-needed"))
+    result = run_trial(Trial(options(case, planner="random", map="when-needed")))
     assert result.row["status"] == "finished", result.row
     assert 0.0 <= result.row["target_sensed_fraction"] <= 1.0
     assert "target_auprc" not in result.row

@@ -14,7 +14,7 @@ from sim.world.anatomy.liver_generator import (
     make_liver,
 )
 from sim.world.anatomy.liver_shape import MOST_DEVIATION, SPREAD, LiverShape, liver_field
-from sim.world.errors import GeneratorError
+from sim.world.errors import MissingPackageError
 from sim.world.meshes.meshes import load_mesh
 from sim.world.solids.solid import Solid
 
@@ -148,10 +148,10 @@ def test_the_command_writes_a_file_that_loads(tmp_path, capsys):
     assert loaded.notices == ()
 
 
-def test_without_the_optional_packages_the_error_says_what_to_install(monkeypatch):
+def test_without_the_optional_package_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "fast_simplification", None)
     with pytest.raises(
-        GeneratorError, match=r"needs fast-simplification.*pip install 'sounding\[generate\]'"
+        MissingPackageError, match=r"needs fast-simplification.*pip install 'sounding\[generate\]'"
     ):
         make_liver(np.random.default_rng(0))
 

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from sim.world.ik.chain import Chain
-from sim.world.ik.damped_least_squares import descend
+from sim.world.ik.damped_least_squares import AXIS_WEIGHT_M, CENTRING_GAIN, DAMPING, ERROR_DAMPING, descend
 from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
+from sim.world.ik.start_rounds import Round, StartRounds
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.scene import build_scene
@@ -87,6 +89,56 @@ def test_a_descent_never_leaves_the_limits_and_opposite_beams_are_no_trap(search
     )
     assert np.all((answer.q >= chain.low) & (answer.q <= chain.high))
     assert answer.angle_rad[0] < 1.0  # it started at pi, where the direction to turn is undefined
+
+
+def test_a_step_minimises_what_the_module_says(search) -> None:
+    """Against NumPy's least squares of the two terms stacked, with the turn of the beam by SciPy."""
+    chain = search.chain
+    low, high = chain.low, chain.high
+    q = np.random.default_rng(2).uniform(
+        low + 0.3 * (high - low), high - 0.3 * (high - low), (30, chain.n_joints)
+    )
+    there = chain.forward(q + np.random.default_rng(3).uniform(-0.05, 0.05, q.shape))
+    step = descend(
+        chain, q, there.tips_m, there.beams, position_tolerance_m=1e-9, angle_tolerance_rad=1e-9, max_steps=1
+    )
+    state = chain.forward(q)
+    for i in range(len(q)):
+        turn, _ = Rotation.align_vectors(state.R_world_tip[i].T @ there.beams[i], [0.0, 0.0, 1.0])
+        weight = np.array([1.0, 1.0, 1.0, AXIS_WEIGHT_M, AXIS_WEIGHT_M])
+        e = weight * np.append(there.tips_m[i] - state.tips_m[i], turn.as_rotvec()[:2])
+        J = weight[:, None] * chain.jacobian(chain.forward(q[i : i + 1]))[0]
+        z = CENTRING_GAIN * ((low + high) / 2.0 - q[i])
+        root = np.sqrt(DAMPING + ERROR_DAMPING * e @ e)
+        stacked = np.vstack([J, root * np.eye(chain.n_joints)])
+        dq = np.linalg.lstsq(stacked, np.append(e, root * z), rcond=None)[0]
+        assert np.abs(dq).max() < 0.5  # shorter than the cap, and too short to leave the limits
+        # The damping is some 1e-6 of J J^T, so the inverse magnifies rounding a million times.
+        np.testing.assert_allclose(step.q[i] - q[i], dq, atol=1e-8)
+
+
+def test_the_most_comfortable_answer_of_the_first_starts_is_taken(search) -> None:
+    """Each start by itself, and the comfort worked out from the answer's limits, clearance and way from home."""
+    settings, chain, slack = search.settings, search.chain, np.ones(1, dtype=bool)
+    rounds = StartRounds(chain, search.meter, search.clearance, settings)
+    n_chosen = 0
+    for angle_rad in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        outward = np.array([0.4 * np.cos(angle_rad), 0.4 * np.sin(angle_rad), np.sqrt(1.0 - 0.4**2)])
+        pose = (np.array([[0.5, 0.0, 0.06]]) + 0.06 * outward, -outward[None])
+        starts = search.starts.starts(*pose, 0, settings.n_compared)[0]
+        tried = [
+            rounds.attempt(Round(np.zeros(1, dtype=np.int64), start[None], *pose, slack)) for start in starts
+        ]
+        answers = np.array([each.q[0] for each in tried if each.is_valid[0]])
+        assert len(answers)
+        n_chosen += len(answers) > 1
+        room = np.minimum(answers - chain.low, chain.high - answers).min(axis=1)
+        clearance_m = search.meter.measure(chain.full(answers)).clearance_m
+        comfort = np.minimum(np.minimum(room / 0.3, clearance_m / 0.03), 1.0)
+        comfort -= 0.05 * np.abs(answers - chain.home).max(axis=1) / np.pi
+        found = search.search(*pose).results[0].q[chain.columns]
+        np.testing.assert_allclose(found, answers[np.argmax(comfort)], atol=1e-6)  # a batch rounds otherwise
+    assert n_chosen >= 6  # there was a choice
 
 
 def test_poses_of_free_configurations_are_all_solved(search, clearance, scene) -> None:

@@ -31,7 +31,7 @@ OTHER_PROGRAMS = {"pip", "dask", "sounding"}
 
 
 QUICK = ("inspect", "ik", "doctor")
-"""Commands that are run here as they are printed; `pytest -m slow tests/test_docs_commands.py` runs all."""
+"""Commands that are run here as they are printed; `pytest -m slow tests/docs/test_docs_commands.py` runs all."""
 
 
 def files(language: str) -> list[tuple[str, str]]:
@@ -49,13 +49,16 @@ def our_commands() -> list[Command]:
     return [each for each in all_commands() if Path(each.words[0]).name == "sounding"]
 
 
-def provide_config(folder: Path, words: list[str]) -> None:
+def provide_config(folder: Path, command: Command) -> None:
     """Write the config.json that a command names, of the command of its page that writes there."""
-    file = folder / words[words.index("--config") + 1]
+    file = folder / command.words[command.words.index("--config") + 1]
+    out = ["--out", str(file.parent.relative_to(folder))]
     (first,) = [
-        each.words[1:] for each in our_commands() if f"--out {file.parent.relative_to(folder)}" in each.bare
+        each
+        for each in our_commands()
+        if each.page == command.page and each.words[-2:] == out and each != command
     ]
-    options = parse_command(first)
+    options = parse_command(first.words[1:])
     assert isinstance(options, EpisodeConfig)
     file.parent.mkdir(parents=True)
     file.write_text(json.dumps({"options": recorded(options)}))
@@ -83,7 +86,7 @@ def test_every_block_is_of_a_kind_that_is_tested() -> None:
 def test_every_command_is_understood(command: Command, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(make_clone(tmp_path / "clone", command.page))
     if "--config" in command.words:
-        provide_config(Path.cwd(), command.words)
+        provide_config(Path.cwd(), command)
     options = parse_command(command.words[1:])
     if isinstance(options, trials.Options):
         assert len(options.make_study()) > 0

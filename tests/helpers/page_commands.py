@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SHORTER = (
     ("make episode", "make episode STEPS=2"),
-    ("make test", "make test TESTS=tests/test_cone.py"),
+    ("make test", "make test TESTS=tests/planner/test_cone.py"),
     (r"--steps \d+", "--steps 2"),
     ("--until-confident 0.95 --steps 400", "--until-confident 0.95 --steps 2"),
     ("--seed 7", "--seed 7 --steps 2"),

@@ -1,4 +1,4 @@
-"""The forecast behind `sounding trials --dry-run`: how many trials, and about how long they take at most."""
+"""The forecast of a study: how many trials it has, and about how long they take at most."""
 
 from __future__ import annotations
 

@@ -73,12 +73,13 @@ def run_episode(
     """Run an episode and write its folder, with report and everything, as `sounding episode` does.
 
     Args:
-        scenario: A scenario, or what `--scenario` takes.
-        planner: A planner, or what `--planner` takes. The map has the settings that it prefers.
-        sensor: A sensor, or what `--sensor` takes.
-        tumour_map: What makes the map, such as a class of one's own; or what `--map` takes.
+        scenario: A scenario, or the text that names one: `liver`, the path of a scenario's file.
+        planner: A planner, or the text that names one. The map has the settings that it prefers.
+        sensor: A sensor, or the text that names one.
+        tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` or
+            `when-needed`.
         show_progress: Draw a progress bar and print notes on stderr.
-        options: All other options of `sounding episode` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
+        options: All other fields of an `EpisodeConfig` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
 
     Returns:
         The summary, as summary.json has it.

@@ -25,7 +25,7 @@ from sim.notices import Notify, print_notice
 from sim.pictures.frames import EpisodeFrames
 from sim.record.locked_folder import check_out_folder
 from sim.record.run_folder import RunFolder
-from sim.record.step_files import write_map, write_step
+from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion
 from sim.world.scene.rendering import SceneRenderer
 
@@ -281,6 +281,7 @@ class _EpisodeRun:
         self._folder.finish(self._status)
         if self._output.report:
             write_report(self._folder.path, findings)
+        write_own_maps(self._folder, self._episode)  # last: it is the user's code, and may raise
 
 
 def _postfix(step: Step) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import re
 import runpy
 from pathlib import Path
@@ -78,6 +79,9 @@ def test_a_planner_of_ones_own_finds_more_than_chance_does(printed) -> None:
     found = {line[:12].strip(): values(line) for line in printed(2)[1:]}
     assert found["least sure"][0] > 2 * found["random"][0]
     assert found["least sure"][1] > 0.9  # the sphere is mapped
+    config = json.loads(Path("renders/own-planner/least-sure/config.json").read_text())
+    # The text by which the run repeats in the example's folder, though the script was called __main__ then.
+    assert config["options"]["planner"] == "example_02_own_planner:LeastSure"
 
 
 def test_a_sensor_that_misses_more_gives_a_worse_map(printed) -> None:

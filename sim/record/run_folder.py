@@ -23,6 +23,8 @@ from sim.tables import CsvTable
 from .locked_folder import LOCK, MANIFEST, LockedFolder
 
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp", "toppra")
+OWN_MAP, OWN_TARGET_MAP = "own_map.npz", "own_target_map.npz"
+"""What a map of a user's own, and that of a second class, wrote by its method `save`."""
 WRITTEN = (
     "config.json",
     "steps.csv",
@@ -30,6 +32,8 @@ WRITTEN = (
     "states.csv",
     "summary.json",
     "map.npz",
+    OWN_MAP,
+    OWN_TARGET_MAP,
     "map_probability.nii.gz",
     "map_standard_deviation.nii.gz",
     "map_labels.nii.gz",

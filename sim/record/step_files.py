@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mapping import Prediction
+from mapping import DetailedMap, HilbertMap, Prediction
 from planner import Workspace
 from planner.acquisition import expected_improvement
 from sim.episode.episode import Episode
@@ -17,7 +17,7 @@ from sim.episode.step import Step
 from .map_history import write_history
 from .map_volumes import map_volumes, maps_in
 from .poses import POSES_CSV, pose_row
-from .run_folder import RunFolder
+from .run_folder import OWN_MAP, OWN_TARGET_MAP, RunFolder
 from .trajectories import write_motion
 
 
@@ -116,6 +116,14 @@ def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
         for each in maps_in(arrays, None if target is None else target.name):
             for name, content in map_volumes(each, setup.T_world_organ).items():
                 folder.write_bytes(name, content)
+
+
+def write_own_maps(folder: RunFolder, episode: Episode) -> None:
+    """Have the maps that a user brought along written by their own `save`; of the built-in ones map.npz tells all."""
+    target = None if episode.target is None else episode.target.tumour_map
+    for name, own in ((OWN_MAP, episode.tumour_map), (OWN_TARGET_MAP, target)):
+        if own is not None and not isinstance(own, HilbertMap | DetailedMap):
+            own.save(folder.path / name)
 
 
 def _prediction_arrays(setup: Setup, prediction: Prediction) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""What each step of an episode adds to the tables of its run's folder, and the map."""
+"""The files of a run's folder that change with each step of its episode: the tables and the map."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
 
 
 def _target_cells(step: Step) -> dict[str, float | None]:
-    """How the second class stands, as columns; none where there is no such class."""
+    """The columns about the second class; none where there is no such class."""
     score, labels = step.target, step.reading.is_target
     if score is None:
         return {}
@@ -91,7 +91,7 @@ def best_improvement(prediction: Prediction | None) -> float | None:
 
 
 def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
-    """A pose's position and inward normal as columns."""
+    """The position and the inward normal of a pose as columns."""
     position_m, normal = workspace.positions_m[pose], workspace.normals[pose]
     return {f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")} | {
         f"normal_{axis}": normal[i] for i, axis in enumerate("xyz")
@@ -127,13 +127,13 @@ def write_own_maps(folder: RunFolder, episode: Episode) -> None:
 
 
 def _prediction_arrays(setup: Setup, prediction: Prediction) -> dict[str, np.ndarray]:
-    """A map on the lattice."""
+    """The arrays of a map, on the whole lattice."""
     names = ("probability", "latent_mean", "latent_variance")
     return {name: _on_lattice(setup, getattr(prediction, name)) for name in names}
 
 
 def _on_lattice(setup: Setup, values: np.ndarray) -> np.ndarray:
-    """Values of the search points on the whole lattice: NaN, or False, outside the organ."""
+    """The values of the search points on the whole lattice: NaN, or False, outside the organ."""
     is_flag = values.dtype == bool
     filled = np.full(
         setup.query.n_points, False if is_flag else np.nan, dtype=bool if is_flag else np.float32

@@ -101,9 +101,10 @@ class MappingConfig:
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
     false_positive_rate: float | None = None
-    """Share of free points that the sensor calls tumour, as far as the map is told. 0 by default; the two rates add up to less than 1."""
+    """Share of free points that the map takes the sensor to call tumour; 0 by default, and the two rates add up to less
+    than 1."""
     false_negative_rate: float | None = None
-    """Share of tumour points that the sensor calls free, as far as the map is told. 0 by default; the two rates add up to less than 1."""
+    """Share of tumour points that the map takes the sensor to call free; 0 by default."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,7 +37,7 @@ class CampaignFolder(LockedFolder):
         Raises:
             UsageError: The folder holds something else, belongs to a running call, or cannot be written.
         """
-        super().__init__(path, what="campaign", overwrite=False)
+        super().__init__(path, what="campaign", overwrite=False, marker=STUDY)
         if overwrite:
             for name in (STUDY, JOURNAL, *TABLES):
                 (path / name).unlink(missing_ok=True)
@@ -59,6 +59,8 @@ class CampaignFolder(LockedFolder):
         before = read_study(self.path)
         if before is not None:
             self._check_same(before, present, any_version=any_version)
+        else:
+            self._write_study(present)  # first: by it the folder is known for a campaign's
         self.journal = Journal(self.path / JOURNAL)
         strangers = self.journal.keys() - {trial.key for trial in study.trials()} if len(self.journal) else ()
         if strangers:
@@ -67,8 +69,11 @@ class CampaignFolder(LockedFolder):
                 f"{self.path}: holds another study; this one has no trial {min(strangers)}. "
                 "Choose another `out`, or add `overwrite` to replace it."
             )
+        self._write_study(present)
+
+    def _write_study(self, content: Mapping[str, Any]) -> None:
         with replacing(self.path / STUDY) as file:
-            file.write((json.dumps(present, indent=2) + "\n").encode())
+            file.write((json.dumps(content, indent=2) + "\n").encode())
 
     def _check_same(
         self, before: Mapping[str, Any], present: Mapping[str, Any], *, any_version: bool

@@ -14,6 +14,7 @@ from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult
 from sim.errors import FieldError
+from sim.record.ownership import refuse_strangers
 from sim.running.config import ALWAYS
 from sim.running.fields import changed, config_of
 from sim.tables import write_csv
@@ -73,6 +74,8 @@ def compare(
     notes = notes_on(campaigns)
     text = markdown(comparison, notes)
     folder = campaigns[0] / "compare" if out is None else Path(out)
+    if not (folder / "compare.csv").is_file():
+        refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / "compare.md") as file:
         file.write(text.encode())

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from sim.episode.scenario import Scenario
 from sim.notices import Notify, print_notice
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.tables import markdown_table, write_csv
 from sim.world.scene.arm import ArmModel

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.notices import Notify, print_notice
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch

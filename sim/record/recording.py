@@ -20,7 +20,7 @@ from sim.world.scene.arm import ArmModel
 from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
-from .locked_folder import MANIFEST
+from .ownership import MANIFEST
 from .trajectories import read_anatomy, read_motions
 
 

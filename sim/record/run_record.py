@@ -17,9 +17,9 @@ from sim.errors import UsageError
 from sim.tables import read_rows
 from sim.world.anatomy.anatomy import Anatomy
 
-from .locked_folder import MANIFEST
 from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
+from .ownership import MANIFEST
 from .poses import read_poses
 from .trajectories import ANATOMY, read_anatomy
 

@@ -24,7 +24,7 @@ from sim.findings.structure_distances import distance_rows
 from sim.interrupt import NotedInterrupt
 from sim.notices import Notify, print_notice
 from sim.pictures.frames import EpisodeFrames
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion

@@ -3,9 +3,8 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("mapping", "planner", "sim")
@@ -53,11 +52,22 @@ def modules(package):
     return sorted((ROOT / package).rglob("*.py"))
 
 
+@cache
+def text(path):
+    return path.read_text()
+
+
+@cache
+def tree(path):
+    return ast.parse(text(path))
+
+
+@cache
 def imported(path):
     """Absolute dotted names of everything that a module imports, wherever in the file the import stands."""
     package = path.relative_to(ROOT).parent.parts
     names = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -72,8 +82,13 @@ def tops(path):
     return {name.split(".")[0] for name in imported(path)}
 
 
-def relative(path):
-    return str(path.relative_to(ROOT))
+def names(paths):
+    """Offenders as a failed test shows them."""
+    return sorted(str(path.relative_to(ROOT)) for path in paths)
+
+
+def is_of(package, module):
+    return module == package or module.startswith(f"{package}.")
 
 
 def dotted(path):
@@ -160,72 +175,73 @@ def test_an_arrow_that_is_turned_back_is_found():
     assert {"sim.world.ik.chain", "sim.episode.episode"} <= set(circle(turned))
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in ALL_MODULES}), ids=relative)
-def test_a_room_is_no_shelf(folder):
-    assert len(list(folder.glob("*.py"))) <= MOST_FILES
-    assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text()))
+def test_a_room_is_no_shelf():
+    """Few files, and a paragraph in the package's docstring that says what lives there."""
+    folders = {path.parent for path in ALL_MODULES}
+    crowded = [folder for folder in folders if len(list(folder.glob("*.py"))) > MOST_FILES]
+    assert names(crowded) == []
+    assert names(folder for folder in folders if not ast.get_docstring(tree(folder / "__init__.py"))) == []
 
 
-@pytest.mark.parametrize("path", ALL_MODULES, ids=relative)
-def test_a_file_is_short_enough_to_be_read(path):
-    assert len(path.read_text().splitlines()) <= MOST_LINES
+def test_a_file_is_short_enough_to_be_read():
+    assert names(path for path in ALL_MODULES if len(text(path).splitlines()) > MOST_LINES) == []
 
 
-@pytest.mark.parametrize("path", [path for path in modules("sim") if "cli" not in path.parts], ids=relative)
-def test_only_the_command_line_knows_the_command_line(path):
-    assert "tyro" not in tops(path)
-    assert "sim.cli" not in {".".join(name.split(".")[:2]) for name in imported(path)}
+def test_only_the_command_line_knows_the_command_line():
+    below = [path for path in modules("sim") if "cli" not in path.parts]
+    assert names(path for path in below if "tyro" in tops(path)) == []
+    assert names(path for path in below if any(is_of("sim.cli", name) for name in imported(path))) == []
 
 
-@pytest.mark.parametrize("path", SCIENCE_MODULES, ids=relative)
-def test_the_science_never_imports_the_simulator(path):
-    assert not tops(path) & SIMULATOR
-    assert "sim" not in tops(path)
+def test_the_science_never_imports_the_simulator():
+    assert names(path for path in SCIENCE_MODULES if tops(path) & (SIMULATOR | {"sim"})) == []
 
 
-@pytest.mark.parametrize("path", SCIENCE_MODULES, ids=relative)
-def test_the_science_needs_numpy_and_scipy_with_their_threads_alone(path):
-    others = tops(path) - set(sys.stdlib_module_names) - SCIENCE - {"mapping", "planner"}
-    assert not others
+def test_the_science_needs_numpy_and_scipy_with_their_threads_alone():
+    known = set(sys.stdlib_module_names) | SCIENCE | {"mapping", "planner"}
+    assert names(path for path in SCIENCE_MODULES if tops(path) - known) == []
 
 
-@pytest.mark.parametrize("path", modules("mapping"), ids=relative)
-def test_the_map_knows_no_planner(path):
-    assert "planner" not in tops(path)
+def test_the_map_knows_no_planner():
+    assert names(path for path in modules("mapping") if "planner" in tops(path)) == []
 
 
-@pytest.mark.parametrize("path", modules("sim/world"), ids=relative)
-def test_the_world_knows_no_map(path):
-    assert "mapping" not in tops(path)  # only an episode brings the world and the map together
+def test_the_world_knows_no_map():
+    # Only an episode brings the world and the map together.
+    assert names(path for path in modules("sim/world") if "mapping" in tops(path)) == []
 
 
-@pytest.mark.parametrize("path", ALL_MODULES, ids=relative)
-def test_no_module_is_named_like_one_of_the_standard_library_or_like_a_drawer(path):
-    assert path.stem not in sys.stdlib_module_names
-    assert path.stem not in {"utils", "common", "helpers", "misc"}
+def test_no_module_is_named_like_one_of_the_standard_library_or_like_a_drawer():
+    avoided = set(sys.stdlib_module_names) | {"utils", "common", "helpers", "misc"}
+    assert names(path for path in ALL_MODULES if path.stem in avoided) == []
 
 
-@pytest.mark.parametrize("path", ALL_MODULES, ids=relative)
-def test_randomness_comes_from_a_generator_that_is_passed(path):
+def test_randomness_comes_from_a_generator_that_is_passed():
     allowed = {"Generator", "default_rng", "SeedSequence", "BitGenerator", "PCG64"}
-    used = {
+    assert names(path for path in ALL_MODULES if numpy_random(path) - allowed) == []
+
+
+def numpy_random(path):
+    """What a module uses of `numpy.random`."""
+    return {
         node.attr
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(tree(path))
         if isinstance(node, ast.Attribute)
         and isinstance(node.value, ast.Attribute)
         and node.value.attr == "random"
         and isinstance(node.value.value, ast.Name)
         and node.value.value.id in {"np", "numpy"}
     }
-    assert used <= allowed
 
 
-@pytest.mark.parametrize("package", sorted({path.parent for path in ALL_MODULES}), ids=relative)
-def test_an_init_file_re_exports_and_does_nothing_else(package):
-    body = ast.parse((package / "__init__.py").read_text()).body
-    is_all = [isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__" for node in body]
-    kinds = (ast.ImportFrom, ast.Import, ast.Expr)
-    assert all(isinstance(node, kinds) or is_list for node, is_list in zip(body, is_all, strict=True))
+def test_an_init_file_re_exports_and_does_nothing_else():
+    files = [path for path in ALL_MODULES if path.name == "__init__.py"]
+    assert names(path for path in files if not all(map(is_re_export, tree(path).body))) == []
+
+
+def is_re_export(node):
+    is_all = isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+    return is_all or isinstance(node, (ast.ImportFrom, ast.Import, ast.Expr))
 
 
 def test_a_worker_of_trials_starts_without_what_it_seldom_needs():

@@ -41,13 +41,22 @@ class Lookahead(Planner):
                 self.prepare_s += perf_counter() - start_s
             yield pose
 
+    def confidence(self, situation: Situation) -> float:
+        """The planner's own confidence."""
+        return self._planner.confidence(situation)
+
     def _next_poses(self, situation: Situation, pose: int) -> list[int]:
         """The poses that the planner will ask for after `pose`, if all are reached."""
         rng = copy.deepcopy(situation.rng)
         ahead: list[int] = []
         while len(ahead) < N_AHEAD - 1:
             later = dataclasses.replace(situation, sensed=(*situation.sensed, pose, *ahead), rng=rng)
-            first = next(iter(self._planner.rank(later)), None)
+            try:
+                first = next(iter(self._planner.rank(later)), None)
+            # A planner may not bear a situation that never came, with poses sensed but not yet read. What it raises in
+            # the situations that do come is raised there.
+            except (Exception, SystemExit):
+                first = None
             if first is None:
                 break
             ahead.append(first)

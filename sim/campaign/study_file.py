@@ -104,7 +104,7 @@ class _Reader:
         if isinstance(value, Path):
             return self._path.parent / value
         if isinstance(value, tuple):
-            return tuple(self._path.parent / each for each in value)
+            return tuple(self._beside_file(name, each) for each in value)
         if name in ("scenario", "arm") and Path(value).suffix:
             return str(self._path.parent / value)
         return value

@@ -23,6 +23,7 @@ from sim.running.parts import EpisodeParts, make_parts
 from sim.running.run_episode import Output, make_episode, record_episode
 from sim.running.summary import Totals, episode_summary
 
+from .journal import encoded
 from .lookahead import Lookahead
 from .study import Trial
 from .trial_result import RECALL_LEVELS, TrialResult
@@ -46,8 +47,11 @@ def run_trial(trial: Trial) -> TrialResult:
     start_s = perf_counter()
     with _one_at_a_time, threadpool_limits(limits=1):
         try:
-            return _run(trial, start_s)
-        except Exception as error:  # the campaign's boundary: whatever fails is a row, not the campaign's end
+            result = _run(trial, start_s)
+            encoded(result.entry(trial))  # what the journal cannot hold fails here, in the trial
+            return result
+        # The campaign's boundary: whatever fails, what a user brings along too, is a row and not the campaign's end.
+        except (Exception, SystemExit) as error:
             row = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
             return TrialResult(row, _costs(start_s), traceback=traceback.format_exc())
 

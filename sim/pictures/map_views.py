@@ -32,7 +32,7 @@ _MOST_NUMBERED_POSES = 60
 _COLOURS = LinearSegmentedColormap.from_list(
     "likely", ["#F7F4EE", "#FBE3A8", "#F5B041", "#D9642C", "#8E1F3F", "#3B0F3F"]
 )
-"""From near white (surely free) over amber to dark (surely tumour): the lightness alone tells the value."""
+"""From near white (surely free) over amber to dark (surely tumour): the lightness by itself tells the value."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,15 +50,15 @@ class MapPicture:
     poses_m: NDArray[np.float64]
     """Positions of the sensing actions [m, world], in order, shape (T, 3)."""
     organ_triangles_m: NDArray[np.float64] | None = None
-    """Triangles of the organ's surface [m, world], shape (F, 3, 3), for an exact outline; else None."""
+    """Triangles of the organ's surface [m, world], shape (F, 3, 3); None to outline `is_inside` in their place."""
     tumour_triangles_m: NDArray[np.float64] | None = None
-    """Triangles of all tumours [m, world], shape (F, 3, 3), for exact outlines; else None."""
+    """Triangles of all tumours [m, world], shape (F, 3, 3); None to outline `is_tumour` in their place."""
     target_name: str | None = None
     """What a second class is called, where `probability`, `is_tumour` and the outlines are of it; None for tumours."""
 
     @property
     def noun(self) -> str:
-        """What is mapped, as one says `probability of ...`."""
+        """What is mapped, to follow "probability of"."""
         return self.target_name or "tumour"
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class MapPicture:
 
 
 def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
-    """Writes one view of the final map as a PNG.
+    """Write one view of the final map as a PNG.
 
     Args:
         path: The file to write.
@@ -132,7 +132,7 @@ def _silhouette(
     view: View,
     smoothing_cells: float,
 ) -> NDArray[np.float64]:
-    """Positive inside the silhouette, negative outside: from the triangles if given, else from the mask."""
+    """A silhouette, positive inside and negative outside: that of the triangles, or of the mask without triangles."""
     across, up, sight = _AXES_OF_VIEW[view]
     if triangles_m is not None:
         return mesh_silhouette(raster, triangles_m[:, :, [across, up]])
@@ -148,7 +148,8 @@ def _draw_outline(
     line: Literal["solid", "dashed"],
 ) -> None:
     if silhouette.max() <= 0.0:
-        return  # nothing to outline: an organ without tumours
+        # An organ without tumours has nothing to outline.
+        return
     across_m, up_m = raster.centres_m
     contour = axes.contour(
         across_m * _MM_PER_M, up_m * _MM_PER_M, silhouette.T, [0.0], colors=[colour], linestyles=[line]

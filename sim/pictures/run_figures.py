@@ -25,7 +25,7 @@ def draw_run_figures(folder: Path, episode: Episode, steps: Sequence[Step]) -> N
     A second class has its curves in the first two, and views of its map in map_target_top.png and map_target_side.png.
 
     Args:
-        folder: Where to write.
+        folder: The run's folder.
         episode: The episode after its last step.
         steps: Its steps, at least one.
     """
@@ -51,7 +51,8 @@ def _target_curves(episode: Episode, steps: Sequence[Step]) -> TargetCurves | No
     target = episode.target
     if target is None:
         return None
-    scores = [step.target for step in steps if step.target is not None]  # all of them
+    # With a second class every step has a score of it; the condition tells the type checker.
+    scores = [step.target for step in steps if step.target is not None]
     recall, precision = _ranking(target.prediction, target.truth.is_target)
     return TargetCurves(
         name=target.name,
@@ -65,7 +66,7 @@ def _target_curves(episode: Episode, steps: Sequence[Step]) -> TargetCurves | No
 def _ranking(
     prediction: Prediction | None, truth: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Recall and precision of a map, empty where they are not defined."""
+    """The recall and the precision of a map, empty where they are not defined."""
     if prediction is None or not truth.any():
         return np.zeros(0), np.zeros(0)
     curve = precision_recall_curve(prediction.score, truth)

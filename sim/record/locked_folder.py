@@ -1,4 +1,4 @@
-"""A claimed folder: one process owns it while it is open, and every file in it is replaced whole or not at all."""
+"""Locked folders, which one process owns while it holds them open."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sim.closeable import Closeable
 from sim.errors import UsageError
 
 MANIFEST = "manifest.json"
-"""The file that makes a folder a run."""
+"""The file by which a folder is known for that of a run."""
 LOCK = ".lock"
 
 
 def check_out_folder(path: Path, *, overwrite: bool) -> None:
-    """Nothing, if a run may be written to a folder; called early, so that no work is lost on a bad folder.
+    """Check that a run may be written to a folder; done early, so that no work is lost on a bad folder.
 
     Raises:
         UsageError: The path is a file, is not writable, or holds a run and `overwrite` is not set.
@@ -39,11 +39,11 @@ class LockedFolder(Closeable):
 
         Args:
             path: The folder.
-            what: Who may be writing there already, for the message: a `run`, a `campaign`.
+            what: What may be writing there already, for the error's text: a `run`, a `campaign`.
             overwrite: Whether a folder that holds a run may be taken.
 
         Raises:
-            UsageError: It holds a run, belongs to a running process, or cannot be written.
+            UsageError: The folder holds a run, belongs to a running process, or cannot be written.
         """
         check_out_folder(path, overwrite=overwrite)
         self.path = path
@@ -61,5 +61,5 @@ class LockedFolder(Closeable):
             raise UsageError(f"{path}: another {what} is writing there. Choose another `out`.") from error
 
     def close(self) -> None:
-        """Let the folder go."""
+        """Unlock the folder."""
         self._lock.close()

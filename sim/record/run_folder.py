@@ -23,6 +23,8 @@ from sim.tables import CsvTable
 from .locked_folder import LOCK, MANIFEST, LockedFolder
 
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp", "toppra")
+OWN_MAP, OWN_TARGET_MAP = "own_map.npz", "own_target_map.npz"
+"""What a map of a user's own, and that of a second class, wrote by its method `save`."""
 WRITTEN = (
     "config.json",
     "steps.csv",
@@ -30,6 +32,8 @@ WRITTEN = (
     "states.csv",
     "summary.json",
     "map.npz",
+    OWN_MAP,
+    OWN_TARGET_MAP,
     "map_probability.nii.gz",
     "map_standard_deviation.nii.gz",
     "map_labels.nii.gz",
@@ -81,7 +85,7 @@ class RunFolder(LockedFolder):
         self.write_json(MANIFEST, self._manifest)
 
     def append_row(self, name: str, row: Mapping[str, Any]) -> None:
-        """Append a row to a CSV file, safe from the process's end on. The first row fixes the columns."""
+        """Append a row to a CSV file; it outlives the process at once. The first row fixes the columns."""
         if name not in self._tables:
             file = (self.path / name).open("w", newline="", encoding="utf-8")
             self._tables[name] = (file, CsvTable(file, list(row)))
@@ -129,7 +133,7 @@ class RunFolder(LockedFolder):
             file.unlink(missing_ok=True)
 
     def close(self) -> None:
-        """Close the tables and let the folder go."""
+        """Close the tables and unlock the folder."""
         for file, _ in self._tables.values():
             file.close()
         super().close()
@@ -137,7 +141,7 @@ class RunFolder(LockedFolder):
 
 
 def describe_machine() -> dict[str, Any]:
-    """Versions, commit, platform and BLAS threads: what repeating a run needs to know."""
+    """The versions, commit, platform and BLAS threads, which whoever repeats a run needs to know."""
     return {
         "sounding": metadata.version("sounding"),
         "commit": _commit(),

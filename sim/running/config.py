@@ -100,6 +100,11 @@ class MappingConfig:
     """Prior variance of each of the map's weights, in place of that of map_settings."""
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
+    false_positive_rate: float | None = None
+    """Share of free points that the map takes the sensor to call tumour; 0 by default, and the two rates add up to less
+    than 1."""
+    false_negative_rate: float | None = None
+    """Share of tumour points that the map takes the sensor to call free; 0 by default."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,4 +50,12 @@ def text_of(thing: Any) -> str:
     if hasattr(thing, "n_tumours"):
         return str(thing.name)
     named = thing if hasattr(thing, "__qualname__") else type(thing)
-    return f"{named.__module__}:{named.__qualname__}"
+    return f"{_module_name(named)}:{named.__qualname__}"
+
+
+def _module_name(named: Any) -> str:
+    """The module that defines a class, as others import it: a script that is running is called __main__ by itself."""
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    if named.__module__ == "__main__" and script is not None:
+        return Path(script).stem
+    return named.__module__

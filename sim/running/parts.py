@@ -203,6 +203,8 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
         "prior_prevalence": own.prior_prevalence,
         "weight_variance": own.weight_variance,
         "n_em_iterations": own.em_iterations,
+        "false_positive_rate": own.false_positive_rate,
+        "false_negative_rate": own.false_negative_rate,
     }
     try:
         return dataclasses.replace(

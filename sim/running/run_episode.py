@@ -26,7 +26,7 @@ from sim.notices import Notify, print_notice
 from sim.pictures.frames import EpisodeFrames
 from sim.record.locked_folder import check_out_folder
 from sim.record.run_folder import RunFolder
-from sim.record.step_files import write_map, write_step
+from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion
 from sim.world.scene.rendering import SceneRenderer
 
@@ -74,12 +74,13 @@ def run_episode(
     """Run an episode and write its folder, with report and everything, as `sounding episode` does.
 
     Args:
-        scenario: A scenario, or what `--scenario` takes.
-        planner: A planner, or what `--planner` takes. The map has the settings that it prefers.
-        sensor: A sensor, or what `--sensor` takes.
-        tumour_map: What makes the map, such as a class of one's own; or what `--map` takes.
+        scenario: A scenario, or the text that names one: `liver`, the path of a scenario's file.
+        planner: A planner, or the text that names one. The map has the settings that it prefers.
+        sensor: A sensor, or the text that names one.
+        tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` or
+            `when-needed`.
         show_progress: Draw a progress bar and print notes on stderr.
-        options: All other options of `sounding episode` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
+        options: All other fields of an `EpisodeConfig` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
 
     Returns:
         The summary, as summary.json has it.
@@ -281,6 +282,7 @@ class _EpisodeRun:
         self._folder.finish(self._status)
         if self._output.report:
             write_report(self._folder.path, findings)
+        write_own_maps(self._folder, self._episode)  # last: it is the user's code, and may raise
 
 
 def _postfix(step: Step) -> str:

@@ -18,7 +18,6 @@ SHORTER = (
     ("make episode", "make episode STEPS=2"),
     ("make test", "make test TESTS=tests/planner/test_cone.py"),
     (r"--steps \d+", "--steps 2"),
-    ("--until-confident 0.95 --steps 400", "--until-confident 0.95 --steps 2"),
     ("--seed 7", "--seed 7 --steps 2"),
     ("--study study.toml", "--study study.toml --seeds 0:1 --steps 2"),
     ("--study paper", "--study paper --planner random --seeds 4:5 --steps 2"),

@@ -19,7 +19,7 @@ help:
 	@echo "               STEPS=30 SEED=0 ARM=default|none|FILE.xml FRAMES=each|last|none OUT=folder ARGS='more options'"
 	@echo "make paper     run the paper's experiments and write docs/results.md and its figures (JOBS=2 processes)"
 	@echo "make doctor    what is installed, what renders, and what to do about each red line"
-	@echo "make test      set up what is missing and run the tests (TESTS='tests/test_cone.py -k volume' for some)"
+	@echo "make test      set up what is missing and run the tests (TESTS='tests/planner/test_cone.py -k volume' for some)"
 	@echo "make check     linter, formatter and type checker"
 	@echo "make format    let the formatter and the linter rewrite the code"
 	@echo "make docs      build the pages in docs/ into site/"

@@ -47,7 +47,10 @@ def load_scenario(name_or_path: str) -> Scenario:
         return SCENARIOS[name_or_path]
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        raise UsageError(f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file.")
+        raise UsageError(
+            f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file. A scenario that a script "
+            "made in memory has no file: give it as an object again."
+        )
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

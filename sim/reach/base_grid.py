@@ -1,4 +1,4 @@
-"""The coarse grid of a search for a base: places around the organ from which the arm could reach half of the poses."""
+"""The coarse grid of a search for a base: places around the organ from which the arm could reach most of the poses."""
 
 from __future__ import annotations
 

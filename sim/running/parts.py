@@ -150,12 +150,9 @@ def planner_of(config: EpisodeConfig) -> Planner:
     """
     if config.planner not in planner_names():
         return _own(config.planner, PLANNER, config.planning.planner_option)
-    if config.planning.planner_option:
-        raise FieldError(
-            "planner_option",
-            config.planning.planner_option,
-            f"goes with a planner of your own; {config.planner} has options of their own names.",
-        )
+    _refuse_options(
+        "planner_option", config.planning.planner_option, f"planner of your own; {config.planner}"
+    )
     if config.planner == "find-and-outline":
         own = config.find_and_outline
         return make_planner(
@@ -186,6 +183,7 @@ def sensor_of(config: EpisodeConfig) -> Sensor:
     from sim.world.sensing.cone_sensor import ConeSensor
 
     if config.sensor == CONE:
+        _refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {CONE}")
         return ConeSensor()
     return _own(config.sensor, SENSOR, config.sensing.sensor_option)
 
@@ -261,6 +259,7 @@ def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
         load_plug(kept, MAP)  # a text that leads nowhere is told before anything is built
         options = parse_plug_options(config.mapping.map_option)
         return lambda space: make_plug(kept, MAP, options, space)
+    _refuse_options("map_option", config.mapping.map_option, "map of your own; the built-in map")
     is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
     return make_hilbert_map if is_kept else None
 
@@ -272,3 +271,9 @@ def _map_name(config: EpisodeConfig, planner: Planner) -> str:
 def _own(text: str, kind: Any, words: tuple[str, ...]) -> Any:
     """What a user brings by text, made with its options."""
     return make_plug(text, kind, parse_plug_options(words))
+
+
+def _refuse_options(field: str, words: tuple[str, ...], whose: str) -> None:
+    """Refuse options of a plug where there is none."""
+    if words:
+        raise FieldError(field, words, f"goes with a {whose} has options of their own names, if any.")

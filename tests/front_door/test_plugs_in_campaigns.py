@@ -87,6 +87,8 @@ def user(tmp_path_factory) -> Path:
         patch.setattr(sys, "path", [str(site), *sys.path, str(folder)])
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, paths)))
         patch.chdir(folder)
+        # Figures take most of the time of so short a run, and nothing here looks at them.
+        patch.setattr("sim.pictures.run_figures.draw_run_figures", lambda *_: None)
         yield folder
     for name in set(sys.modules) - before:
         if str(folder) in str(getattr(sys.modules[name], "__file__", "")):

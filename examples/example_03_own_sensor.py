@@ -33,8 +33,8 @@ def main() -> None:
     print(f"{'points missed':>13} {'AUPRC':>7} {'log loss':>9}")
     for miss_rate in (0.0, 0.3, 0.6):
         episode = sounding.Episode(setup, planner, sensor=Forgetful(miss_rate=miss_rate), seed=1)
-        for _ in episode.steps(30):
-            pass  # each step tells what the action came to
+        for _ in episode.steps(20):
+            pass  # each step tells of one action: pose, reading, scores
         scores = episode.metrics()
         assert scores is not None, "a map was kept"
         print(f"{miss_rate:>13.0%} {scores.auprc:>7.3f} {scores.log_loss:>9.4f}")

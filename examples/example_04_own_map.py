@@ -47,8 +47,8 @@ def main() -> None:
     print(f"{'map':<14} {'AUPRC':>7} {'log loss':>9}")
     for make_map in (NearestPoints, sounding.make_hilbert_map):
         episode = sounding.Episode(setup, planner, tumour_map=make_map, seed=1)
-        for _ in episode.steps(30):
-            pass  # each step tells what the action came to
+        for _ in episode.steps(20):
+            pass  # each step tells of one action: pose, reading, scores
         scores = episode.metrics()
         assert scores is not None, "a map was kept"
         print(f"{type(episode.tumour_map).__name__:<14} {scores.auprc:>7.3f} {scores.log_loss:>9.4f}")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from sim.running.config import EpisodeConfig
-from sim.running.fields import config_of, read_config
+from sim.running.fields import read_config
 
-from .terminal import INTERRUPTED, aligned_lines, note, parse
+from .terminal import INTERRUPTED, aligned_lines, given_word, note, parse
 
 ROWS = (
     ("sensing actions", "n_sensings", "{}"),
@@ -43,10 +44,10 @@ def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
     Raises:
         UsageError: That file cannot be used.
     """
-    config = parse(EpisodeConfig, arguments, prog=prog)
-    if config.config is None:
-        return config
-    return parse(EpisodeConfig, arguments, prog=prog, default=config_of(read_config(config.config)))
+    # Read first: options on the line need not go together without those of the file.
+    path = given_word(arguments, "config")
+    default = None if path is None else read_config(Path(path))
+    return parse(EpisodeConfig, arguments, prog=prog, default=default)
 
 
 def run(options: EpisodeConfig) -> int:

@@ -33,6 +33,16 @@ def parse(
     return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
 
 
+def given_word(arguments: Sequence[str], name: str) -> str | None:
+    """The word given for a field that decides how all others are read; None where the flag is not there."""
+    for index, argument in enumerate(arguments):
+        written, equals, word = argument.partition("=")
+        if written == flag(name):
+            word = word if equals else next(iter(arguments[index + 1 : index + 2]), "")
+            return word if word and not word.startswith("--") else None
+    return None
+
+
 def flag(name: str) -> str:
     """The flag of a field."""
     return f"--{name.replace('_', '-')}"

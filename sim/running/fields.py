@@ -103,22 +103,25 @@ def recorded(config: EpisodeConfig) -> dict[str, Any]:
     return {name: plain(_absolute(name, value)) for name, value in values.items()}
 
 
-def read_config(path: Path) -> dict[str, Any]:
-    """The values of fields that a run's config.json holds, for `config_of`.
+def read_config(path: Path) -> EpisodeConfig:
+    """The configuration that a run's config.json holds; fields that it does not name have their defaults.
 
     Raises:
         UsageError: The file cannot be read, or is not that of an episode.
     """
     try:
-        options = json.loads(path.read_text(encoding="utf-8"))["options"]
-        values = {name: value for name, value in options.items() if name not in OF_THE_CALL}
-        if not {"scenario", "planner", "seed"} <= values.keys():
-            raise KeyError("scenario, planner or seed")
+        content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror}). Name a run's config.json.") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path}: is not the config.json of an episode ({error}).") from error
-    return values
+    except ValueError as error:
+        raise UsageError(f"{path}: is not JSON ({error}). Name a run's config.json.") from error
+    options = content.get("options") if isinstance(content, dict) else None
+    if not (isinstance(options, dict) and {"scenario", "planner", "seed"} <= options.keys()):
+        raise UsageError(f"{path}: is not the config.json of an episode. Name one that a run wrote.")
+    try:
+        return config_of({name: value for name, value in options.items() if name not in OF_THE_CALL})
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
 
 
 def converted(name: str, value: Any) -> Any:

@@ -32,7 +32,7 @@ from sim.world.scene.rendering import SceneRenderer
 
 from .config import EpisodeConfig, Frames
 from .config_file import recorded_config, run_config
-from .fields import changed
+from .fields import changed, read_config
 from .parts import EpisodeParts, make_parts
 from .summary import Totals, episode_summary
 
@@ -64,21 +64,24 @@ class Output:
 
 def run_episode(
     *,
-    scenario: Scenario | str = "liver",
-    planner: Planner | str = "find-and-outline",
-    sensor: Sensor | str = "cone",
-    tumour_map: TumourMapFactory | str = "always",
+    scenario: Scenario | str | None = None,
+    planner: Planner | str | None = None,
+    sensor: Sensor | str | None = None,
+    tumour_map: TumourMapFactory | str | None = None,
+    config: Path | str | None = None,
     show_progress: bool = True,
     **options: Any,
 ) -> dict[str, Any]:
     """Run an episode and write its folder, with report and everything, as `sounding episode` does.
 
     Args:
-        scenario: A scenario, or the text that names one: `liver`, the path of a scenario's file.
-        planner: A planner, or the text that names one. The map has the settings that it prefers.
-        sensor: A sensor, or the text that names one.
-        tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` or
-            `when-needed`.
+        scenario: A scenario, or the text that names one, such as the path of a scenario's file; by default `liver`.
+        planner: A planner, or the text that names one; by default `find-and-outline`. The map has the settings that it
+            prefers.
+        sensor: A sensor, or the text that names one; by default `cone`.
+        tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` (the default)
+            or `when-needed`.
+        config: The config.json of an earlier run, which is run again; what is given beside it takes precedence.
         show_progress: Draw a progress bar and print notes on stderr.
         options: All other fields of an `EpisodeConfig` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
 
@@ -91,18 +94,19 @@ def run_episode(
     """
     given = {"scenario": scenario, "planner": planner, "sensor": sensor, "map": tumour_map}
     named = {name: value for name, value in given.items() if isinstance(value, str)}
-    config = changed(EpisodeConfig(), **named, **options)
-    brought = {name: value for name, value in given.items() if not isinstance(value, str)}
+    brought = {name: value for name, value in given.items() if name not in named and value is not None}
+    base = EpisodeConfig() if config is None else read_config(Path(config))
+    run = changed(base, **named, **options)
     parts = make_parts(
-        config,
+        run,
         scenario=brought.get("scenario"),
         planner=brought.get("planner"),
         sensor=brought.get("sensor"),
         make_map=brought.get("map"),
     )
-    record = recorded_config(config, brought)
+    record = recorded_config(run, brought)
     parts = replace(parts, names=parts.names | {"planner": record["planner"]})
-    return record_episode(parts, output_of(config, parts, record), show_progress=show_progress)
+    return record_episode(parts, output_of(run, parts, record), show_progress=show_progress)
 
 
 def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:

@@ -59,20 +59,22 @@ def pytest_collection_modifyitems(items) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def setups_are_built_once():
-    """Episodes on organs that the package brings share their setups, as the trials of a campaign do."""
-    built: dict[tuple[Scenario, bool, float], Setup] = {}
+    """Episodes on organs and arms that the package brings share their setups, as the trials of a campaign do."""
+    built: dict[tuple[Scenario, ArmModel | None, float], Setup] = {}
 
     def shared(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Setup:
-        is_embedded = scenario in SCENARIOS.values() and arm in (None, ArmModel())
+        # Files of the user's may change between two calls.
+        is_embedded = scenario.is_named_organ and (arm is None or arm.path == ArmModel().path)
         if not is_embedded:
             return build_setup(scenario, arm, map_settings)
-        key = (scenario, arm is None, map_settings.hinge_spacing_m)
+        key = (scenario, arm, map_settings.hinge_spacing_m)
         if key not in built:
             built[key] = build_setup(scenario, arm, map_settings)
         return built[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim.running.run_episode.build_setup", shared)
+        for room in ("sim.running.run_episode", "sim.campaign.trial"):
+            patch.setattr(f"{room}.build_setup", shared)
         yield shared
 
 
@@ -97,6 +99,14 @@ def livers_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real organs are not at {folder}; set SOUNDING_DATA to the folder that holds livers/")
     return folder
+
+
+@pytest.fixture(scope="session")
+def coarse(tmp_path_factory) -> Path:
+    """A scenario's file: few poses and a wide lattice, for runs that prove nothing by their resolution."""
+    path = tmp_path_factory.mktemp("scenarios") / "coarse.toml"
+    path.write_text('base = "liver"\nn_poses = 60\nscore_spacing_m = 0.008\n')
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from shared_runs import make_arm_run, make_two_class_run
 
 from mapping import MapSettings
 from planner import Cone
@@ -99,6 +102,36 @@ def livers_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real organs are not at {folder}; set SOUNDING_DATA to the folder that holds livers/")
     return folder
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory) -> Callable[[str, Callable[[Path], None]], Path]:
+    """Folders that the processes of a session share: whoever needs one first makes it, and nobody changes it."""
+    root = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        root = root.parent
+
+    def folder(name: str, make: Callable[[Path], None]) -> Path:
+        with (root / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (made := root / f"{name}.made").exists():
+                make(root / name)
+                made.touch()
+        return root / name
+
+    return folder
+
+
+@pytest.fixture(scope="session")
+def arm_run(made_once) -> Path:
+    """The folder of a finished run with the arm, by the command as a stranger runs it, with a frame per action."""
+    return made_once("arm-run", make_arm_run)
+
+
+@pytest.fixture(scope="session")
+def two_class_run(made_once) -> Path:
+    """The folder of a finished run on an organ with tumours and a second class."""
+    return made_once("two-classes", make_two_class_run) / "run"
 
 
 @pytest.fixture(scope="session")

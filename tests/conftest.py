@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from shared_runs import make_arm_run, make_two_class_run
+from shared_runs import make_arm_run, make_two_class_run, without_figures
 
 from mapping import MapSettings
 from planner import Cone
@@ -132,6 +132,13 @@ def arm_run(made_once) -> Path:
 def two_class_run(made_once) -> Path:
     """The folder of a finished run on an organ with tumours and a second class."""
     return made_once("two-classes", make_two_class_run) / "run"
+
+
+@pytest.fixture
+def no_figures():
+    """Runs and inspections draw no figures, which take a second, where a test is about other things."""
+    with without_figures():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 from two_classes import N_ACTIONS, write_meshes
 
 from sim.cli.command_line import main
@@ -35,3 +38,12 @@ def make_two_class_run(folder: Path) -> None:
     command = ["episode", "--scenario", str(write_meshes(folder)), "--steps", str(N_ACTIONS), "--seed", "2"]
     command += ["--arm", "none", "--plan-for", "target", "--frames", "last", "--out", str(folder / "run")]
     assert main(command) == 0
+
+
+@contextmanager
+def without_figures() -> Iterator[None]:
+    """Runs and inspections within draw none of their figures."""
+    with pytest.MonkeyPatch.context() as patch:
+        for function in ("pictures.run_figures.draw_run_figures", "viewing.inspection.draw_inspection"):
+            patch.setattr(f"sim.{function}", lambda *_arguments, **_more: None)
+        yield

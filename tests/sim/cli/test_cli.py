@@ -153,7 +153,9 @@ def small_ball(tmp_path_factory) -> Path:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-def test_an_end_at_any_moment_keeps_what_was_done(small_ball, tmp_path, how: signal.Signals) -> None:
+def test_an_end_at_any_moment_keeps_what_was_done(
+    small_ball, no_figures, tmp_path, how: signal.Signals
+) -> None:
     out = tmp_path / "run"
     arguments = ["episode", "--scenario", str(small_ball), "--arm", "none", "--out", str(out)]
     process = subprocess.Popen(

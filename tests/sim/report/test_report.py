@@ -140,7 +140,7 @@ def test_a_run_killed_before_its_first_action_has_a_report(run) -> None:
     assert json.loads(page_of(run).texts["data"])["n_steps"] == 0
 
 
-def test_no_report_writes_none(tmp_path) -> None:
+def test_no_report_writes_none(no_figures, tmp_path) -> None:
     out = tmp_path / "run"
     arguments = [
         "--scenario",

@@ -165,7 +165,7 @@ def test_a_trial_has_its_scores_in_the_row(case) -> None:
     assert "target_auprc" not in result.row
 
 
-def test_distances_of_structures_to_it_stand_in_rows_that_name_it(case, tmp_path) -> None:
+def test_distances_of_structures_to_it_stand_in_rows_that_name_it(case, no_figures, tmp_path) -> None:
     """A ball before the organ, 4 mm of it away: all distances are those between balls."""
     vessel_mm, radius_mm = CENTRE_MM + np.array([0.0, -RADIUS_MM - 10.0, 0.0]), 6.0
     vessel = trimesh.creation.icosphere(subdivisions=3, radius=radius_mm)

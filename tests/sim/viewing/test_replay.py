@@ -111,7 +111,7 @@ def test_bad_motion_options_write_nothing(tmp_path, capsys, arguments, message) 
     assert not out.exists()
 
 
-def test_a_stop_by_force_keeps_what_was_done(tmp_path, capsys) -> None:
+def test_a_stop_by_force_keeps_what_was_done(no_figures, tmp_path, capsys) -> None:
     out = tmp_path / "out"
     options = ["--motion", "servo", "--stiffness-n-m", "6000", "--planner", "random", "--scenario", "sphere"]
     assert main(["episode", *options, "--steps", "4", "--out", str(out)]) == 2

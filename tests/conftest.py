@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from shared_runs import make_arm_run, make_two_class_run, without_figures
 
 from mapping import MapSettings
 from planner import Cone
@@ -59,20 +62,22 @@ def pytest_collection_modifyitems(items) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def setups_are_built_once():
-    """Episodes on organs that the package brings share their setups, as the trials of a campaign do."""
-    built: dict[tuple[Scenario, bool, float], Setup] = {}
+    """Episodes on organs and arms that the package brings share their setups, as the trials of a campaign do."""
+    built: dict[tuple[Scenario, ArmModel | None, float], Setup] = {}
 
     def shared(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Setup:
-        is_embedded = scenario in SCENARIOS.values() and arm in (None, ArmModel())
+        # Files of the user's may change between two calls.
+        is_embedded = scenario.is_named_organ and (arm is None or arm.path == ArmModel().path)
         if not is_embedded:
             return build_setup(scenario, arm, map_settings)
-        key = (scenario, arm is None, map_settings.hinge_spacing_m)
+        key = (scenario, arm, map_settings.hinge_spacing_m)
         if key not in built:
             built[key] = build_setup(scenario, arm, map_settings)
         return built[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim.running.run_episode.build_setup", shared)
+        for room in ("sim.running.run_episode", "sim.campaign.trial"):
+            patch.setattr(f"{room}.build_setup", shared)
         yield shared
 
 
@@ -97,6 +102,51 @@ def livers_dir() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real organs are not at {folder}; set SOUNDING_DATA to the folder that holds livers/")
     return folder
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory) -> Callable[[str, Callable[[Path], None]], Path]:
+    """Folders that the processes of a session share: whoever needs one first makes it, and nobody changes it."""
+    root = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        root = root.parent
+
+    def folder(name: str, make: Callable[[Path], None]) -> Path:
+        with (root / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (made := root / f"{name}.made").exists():
+                make(root / name)
+                made.touch()
+        return root / name
+
+    return folder
+
+
+@pytest.fixture(scope="session")
+def arm_run(made_once) -> Path:
+    """The folder of a finished run with the arm, by the command as a stranger runs it, with a frame per action."""
+    return made_once("arm-run", make_arm_run)
+
+
+@pytest.fixture(scope="session")
+def two_class_run(made_once) -> Path:
+    """The folder of a finished run on an organ with tumours and a second class."""
+    return made_once("two-classes", make_two_class_run) / "run"
+
+
+@pytest.fixture
+def no_figures():
+    """Runs and inspections draw no figures, which take a second, where a test is about other things."""
+    with without_figures():
+        yield
+
+
+@pytest.fixture(scope="session")
+def coarse(tmp_path_factory) -> Path:
+    """A scenario's file: few poses and a wide lattice, for runs that prove nothing by their resolution."""
+    path = tmp_path_factory.mktemp("scenarios") / "coarse.toml"
+    path.write_text('base = "liver"\nn_poses = 60\nscore_spacing_m = 0.008\n')
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -87,15 +87,15 @@ def bad_files(case, tmp_path_factory) -> dict[str, Path]:
         (["--organ", "{dust}", *LABELS, "--target-label", "3"], "nothing is left of the target class"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_remedy(bad_files, tmp_path, capsys, flags, said) -> None:
-    asked = [flag.format(**bad_files) for flag in flags]
+def test_what_cannot_be_is_refused_with_the_remedy(bad_files, coarse, tmp_path, capsys, flags, said) -> None:
+    asked = ["--scenario", str(coarse), *(flag.format(**bad_files) for flag in flags)]
     assert main(["episode", *asked, "--arm", "none", "--out", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert said in error
     assert "Traceback" not in error
 
 
-def test_inspect_counts_the_targets(tmp_path, capsys) -> None:
+def test_inspect_counts_the_targets(no_figures, tmp_path, capsys) -> None:
     path = write_labels(tmp_path)
     picture = ["--out", str(tmp_path / "case.png")]
     assert main(["inspect", str(path), *LABELS, "--target-label", "3", *picture]) == 0

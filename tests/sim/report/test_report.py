@@ -12,27 +12,17 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from shared_runs import N_ARM_ACTIONS
 
 from sim.cli.command_line import main
 from sim.comparison.series_charts import Series, series_chart, span_of
 from sim.report.charts import count_ticks, curve_chart, progress_chart, reliability
 from sim.report.view_data import thinned_steps
 
-ACTIONS = 3
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    """A run with the arm."""
-    out = tmp_path_factory.mktemp("report") / "run"
-    arguments = ["--scenario", "sphere", "--steps", str(ACTIONS), "--out", str(out)]
-    assert main(["episode", *arguments]) == 0
-    return out
-
 
 @pytest.fixture
-def run(recorded, tmp_path):
-    return shutil.copytree(recorded, tmp_path / "run")
+def run(arm_run, tmp_path):
+    return shutil.copytree(arm_run, tmp_path / "run")
 
 
 class Page(HTMLParser):
@@ -63,37 +53,37 @@ def unpacked(page: Page, place: dict) -> np.ndarray:
     return np.frombuffer(content, np.dtype(place["kind"]), place["n"], place["at"])
 
 
-def test_the_page_names_nothing_outside_itself(recorded) -> None:
-    page = page_of(recorded)
+def test_the_page_names_nothing_outside_itself(arm_run) -> None:
+    page = page_of(arm_run)
     for tag, attributes in page.elements:
         for name in ("src", "href", "srcset", "action", "data"):
             assert (attributes.get(name) or "data:").startswith(("data:", "#")), (tag, name)
-    text = (recorded / "report.html").read_text(encoding="utf-8")
+    text = (arm_run / "report.html").read_text(encoding="utf-8")
     assert not re.findall(r"@import|url\(", re.search(r"<style>(.*?)</style>", text, re.DOTALL)[1])
-    assert (recorded / "report.html").stat().st_size < 15_000_000
+    assert (arm_run / "report.html").stat().st_size < 15_000_000
 
 
-def test_the_page_holds_the_runs_numbers(recorded) -> None:
-    page, summary = page_of(recorded), json.loads((recorded / "summary.json").read_text())
+def test_the_page_holds_the_runs_numbers(arm_run) -> None:
+    page, summary = page_of(arm_run), json.loads((arm_run / "summary.json").read_text())
     data = json.loads(page.texts["data"])
-    assert data["n_steps"] == ACTIONS
-    text = (recorded / "report.html").read_text(encoding="utf-8")
+    assert data["n_steps"] == N_ARM_ACTIONS
+    text = (arm_run / "report.html").read_text(encoding="utf-8")
     assert f"{summary['auprc']:.3f}" in text
     assert f"{summary['sensed_fraction']:.1%}" in text
-    findings = json.loads((recorded / "findings.json").read_text())
+    findings = json.loads((arm_run / "findings.json").read_text())
     assert f"{findings['n_tumours_found']} of 1" in text
 
 
-def test_poses_and_the_last_map_are_those_of_the_folder(recorded) -> None:
-    page = page_of(recorded)
+def test_poses_and_the_last_map_are_those_of_the_folder(arm_run) -> None:
+    page = page_of(arm_run)
     view = json.loads(page.texts["data"])["view"]
     tips = unpacked(page, view["probe"]).reshape(-1, 4, 4)
-    rows = list(csv.DictReader((recorded / "poses.csv").open()))
+    rows = list(csv.DictReader((arm_run / "poses.csv").open()))
     x = [float(row["T_world_probe_position_x_m"]) for row in rows]
     np.testing.assert_allclose(tips[:, 0, 3], x, atol=1e-6)
     maps = [unpacked(page, place).astype(np.int64) for place in view["map"]["maps"]]
     last = maps[-1] * view["map"]["log_odds_step"]
-    with np.load(recorded / "map.npz") as arrays:
+    with np.load(arm_run / "map.npz") as arrays:
         probability = arrays["probability"][arrays["is_inside"]].astype(np.float64)
         inside = np.unpackbits(unpacked(page, view["map"]["inside"]), bitorder="little")[
             : arrays["is_inside"].size
@@ -103,10 +93,10 @@ def test_poses_and_the_last_map_are_those_of_the_folder(recorded) -> None:
     np.testing.assert_allclose(last, np.clip(log_odds, -6.35, 6.35), atol=0.03)
 
 
-def test_the_arms_last_link_ends_at_the_recorded_tip(recorded) -> None:
-    page = page_of(recorded)
+def test_the_arms_last_link_ends_at_the_recorded_tip(arm_run) -> None:
+    page = page_of(arm_run)
     view = json.loads(page.texts["data"])["view"]
-    poses = unpacked(page, view["arm"]["poses"]).reshape(ACTIONS + 1, view["arm"]["n_bodies"], 7)
+    poses = unpacked(page, view["arm"]["poses"]).reshape(N_ARM_ACTIONS + 1, view["arm"]["n_bodies"], 7)
     tips = unpacked(page, view["probe"]).reshape(-1, 4, 4)
     # The probe's tip lies 160 mm beyond the origin of its body, along the beam.
     np.testing.assert_allclose(poses[1:, -1, :3] + 0.16 * tips[:, :3, 2], tips[:, :3, 3], atol=1e-5)
@@ -133,11 +123,11 @@ def test_a_killed_run_has_a_report(run) -> None:
     manifest = json.loads((run / "manifest.json").read_text()) | {"status": "unfinished"}
     (run / "manifest.json").write_text(json.dumps(manifest))
     rows = (run / "steps.csv").read_text().splitlines(keepends=True)
-    (run / "steps.csv").write_text("".join(rows[:3]) + rows[3][:20])  # the last row cut short
+    (run / "steps.csv").write_text("".join(rows[:-1]) + rows[-1][:20])  # the last row cut short
     assert main(["report", str(run)]) == 0
     text = (run / "report.html").read_text(encoding="utf-8")
     assert "This run is unfinished" in text
-    assert json.loads(page_of(run).texts["data"])["n_steps"] == ACTIONS - 1
+    assert json.loads(page_of(run).texts["data"])["n_steps"] == N_ARM_ACTIONS - 1
     assert (run / "tumours.csv").exists()
 
 
@@ -150,7 +140,7 @@ def test_a_run_killed_before_its_first_action_has_a_report(run) -> None:
     assert json.loads(page_of(run).texts["data"])["n_steps"] == 0
 
 
-def test_no_report_writes_none(tmp_path) -> None:
+def test_no_report_writes_none(no_figures, tmp_path) -> None:
     out = tmp_path / "run"
     arguments = [
         "--scenario",

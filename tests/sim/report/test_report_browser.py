@@ -4,38 +4,35 @@ from __future__ import annotations
 
 import pytest
 from opened_page import Opened
-from two_classes import write_meshes
-
-from sim.cli.command_line import main
-
-ACTIONS = 5
+from shared_runs import N_ARM_ACTIONS as ACTIONS
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    out = tmp_path_factory.mktemp("browser") / "run"
-    arguments = [
-        "--scenario",
-        "sphere",
-        "--steps",
-        str(ACTIONS),
-        "--arm",
-        "none",
-        "--seed",
-        "1",
-        "--frames",
-        "each",
-    ]
-    assert main(["episode", *arguments, "--out", str(out)]) == 0
-    return out / "report.html"
+def report(arm_run):
+    return arm_run / "report.html"
 
 
-@pytest.fixture
-def opened(browser, report):
+@pytest.fixture(scope="module")
+def loaded(browser, report):
     page = Opened(browser, report, viewport={"width": 1280, "height": 900})
     page.ready()
     yield page
     page.context.close()
+
+
+@pytest.fixture
+def opened(loaded):
+    """The page, which is brought back to how it was opened after each test."""
+    page = loaded.page
+    level, boxes = page.locator("input[name=level]"), page.locator("input[type=checkbox]").all()
+    before, is_checked = level.input_value(), [box.is_checked() for box in boxes]
+    yield loaded
+    page.locator("#slider").fill(str(ACTIONS))
+    level.fill(before)
+    for box, was_checked in zip(boxes, is_checked, strict=True):
+        box.set_checked(was_checked)
+    page.evaluate("document.activeElement.blur()")  # keys are the page's again
+    assert loaded.complaints == []
 
 
 def test_it_loads_without_an_error_or_a_request(opened, report) -> None:
@@ -89,7 +86,7 @@ def test_the_keys_move_it_and_the_space_bar_plays(opened) -> None:
     page.locator("#slider").press("ArrowRight")
     assert opened.state["step"] == 1
     page.locator("#slider").press(" ")
-    page.wait_for_function(f"window.soundingReport.state.step === {ACTIONS}", timeout=20_000)
+    page.wait_for_function(f"window.soundingReport.state.step === {ACTIONS}", timeout=60_000)
 
 
 def test_a_click_on_a_curve_goes_to_its_action(opened) -> None:
@@ -108,15 +105,16 @@ def test_the_map_grows_where_the_level_falls_and_layers_hide(opened) -> None:
     assert picture(page) != shown
 
 
-@pytest.mark.parametrize("width", [1280, 800])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_every_width_and_scheme(browser, report, width, scheme) -> None:
-    opened = Opened(browser, report, viewport={"width": width, "height": 900}, color_scheme=scheme)
+def test_it_fits_every_width_and_scheme(browser, report) -> None:
+    opened = Opened(browser, report, viewport={"width": 800, "height": 900}, color_scheme="dark")
     page = opened.ready()
-    assert page.evaluate("document.documentElement.scrollWidth") <= width  # nothing to scroll sideways
-    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
-    red = int(background.split("(")[1].split(",")[0])
-    assert (red > 200) == (scheme == "light")
+    for width, scheme in ((800, "dark"), (1280, "dark"), (1280, "light"), (800, "light")):
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(color_scheme=scheme)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width  # nothing to scroll sideways
+        background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        red = int(background.split("(")[1].split(",")[0])
+        assert (red > 200) == (scheme == "light")
     assert opened.complaints == []
     opened.context.close()
 
@@ -142,11 +140,8 @@ def test_without_webgl_all_else_works(browser, report) -> None:
     context.close()
 
 
-def test_a_second_class_has_a_map_and_layers_of_its_own(browser, tmp_path) -> None:
-    out = tmp_path / "run"
-    arguments = ["--steps", "3", "--arm", "none", "--seed", "2", "--plan-for", "target", "--out", str(out)]
-    assert main(["episode", "--scenario", str(write_meshes(tmp_path)), *arguments]) == 0
-    opened = Opened(browser, out / "report.html", viewport={"width": 800, "height": 900})
+def test_a_second_class_has_a_map_and_layers_of_its_own(browser, two_class_run) -> None:
+    opened = Opened(browser, two_class_run / "report.html", viewport={"width": 800, "height": 900})
     page = opened.ready()
     assert page.evaluate("document.documentElement.scrollWidth") <= 800
     page.locator("input[name=level]").fill("0.05")

@@ -12,21 +12,20 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
+from engine_here import EngineHere
 from PIL import Image
 from planted_run import planted_run
 from scanned_ball import CENTRE_MM, RADIUS_MM
-from two_classes import CYSTS_MM, N_ACTIONS, options, sensed, setup_of, write_meshes
+from two_classes import CYSTS_MM, N_ACTIONS, options, write_meshes
 
 from mapping import average_precision
 from sim.campaign.study import Trial
 from sim.campaign.tables import curve_arrays
 from sim.campaign.trial import run_trial
 from sim.cli.command_line import main
-from sim.episode.setup import Setup
 from sim.findings.findings import find
 from sim.findings.tables import finding_summary, write_finding_tables
 from sim.pictures.figures import AMBER, BLUE, PURPLE, TargetCurves, draw_precision_recall, draw_progress
-from sim.pictures.run_figures import draw_run_figures
 from sim.record.recording import read_recording
 from sim.record.run_record import load_run
 from sim.report import write_report
@@ -37,23 +36,16 @@ def case(tmp_path_factory) -> Path:
     return write_meshes(tmp_path_factory.mktemp("two"))
 
 
-@pytest.fixture(scope="module")
-def setup(case) -> Setup:
-    return setup_of(case)
+@pytest.fixture
+def run(two_class_run) -> Path:
+    """A run's folder, which is only read."""
+    return two_class_run
 
 
-@pytest.fixture(scope="module")
-def both(case, setup):
-    return sensed(options(case), setup)
-
-
-@pytest.fixture(scope="module")
-def run(case) -> Path:
-    """A run's folder."""
-    out = case.parent / "run"
-    arguments = ["--scenario", str(case), "--steps", str(N_ACTIONS), "--seed", "2", "--arm", "none"]
-    assert main(["episode", *arguments, "--plan-for", "target", "--frames", "last", "--out", str(out)]) == 0
-    return out
+@pytest.fixture
+def here(monkeypatch) -> None:
+    """Trials of campaigns run in this process."""
+    monkeypatch.setattr("sim.campaign.campaign.make_engine", EngineHere)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -127,7 +119,7 @@ def test_a_folder_read_back_knows_the_second_class(run) -> None:
     assert [scene.model.geom(f"target{i}").group for i in range(2)] == [1, 1]
 
 
-def test_the_report_shows_it_and_a_killed_run_has_one_too(run) -> None:
+def test_the_report_shows_it_and_a_killed_run_has_one_too(run, tmp_path) -> None:
     text = (run / "report.html").read_text(encoding="utf-8")
     assert "AUPRC of the map of cysts" in text
     assert "<h2>Cysts</h2>" in text
@@ -136,7 +128,7 @@ def test_the_report_shows_it_and_a_killed_run_has_one_too(run) -> None:
     assert data["view"]["target"]["name"] == "cysts"
     assert len(data["view"]["target"]["bodies"]) == 2
     assert len(data["view"]["target"]["map"]["maps"]) == len(data["view"]["map"]["maps"])
-    killed = run.parent / "killed"
+    killed = tmp_path / "killed"
     killed.mkdir()
     for name in ("config.json", "manifest.json", "anatomy.npz", "steps.csv", "skipped.csv", "poses.csv"):
         if (run / name).exists():
@@ -173,7 +165,7 @@ def test_a_trial_has_its_scores_in_the_row(case) -> None:
     assert "target_auprc" not in result.row
 
 
-def test_distances_of_structures_to_it_stand_in_rows_that_name_it(case, tmp_path) -> None:
+def test_distances_of_structures_to_it_stand_in_rows_that_name_it(case, no_figures, tmp_path) -> None:
     """A ball before the organ, 4 mm of it away: all distances are those between balls."""
     vessel_mm, radius_mm = CENTRE_MM + np.array([0.0, -RADIUS_MM - 10.0, 0.0]), 6.0
     vessel = trimesh.creation.icosphere(subdivisions=3, radius=radius_mm)
@@ -198,15 +190,14 @@ def test_distances_of_structures_to_it_stand_in_rows_that_name_it(case, tmp_path
     assert all(0.0 < each < 0.1 for each in mapped)
 
 
-def test_the_figures_show_it(run, both, tmp_path) -> None:
-    episode, steps = both
-    draw_run_figures(tmp_path, episode, steps)
-    names = {file.name for file in tmp_path.glob("*.png")}
-    assert names == {file.name for file in run.glob("*.png")}
-    assert {"map_target_top.png", "map_target_side.png"} < names
-    assert (tmp_path / "map_target_top.png").read_bytes() != (tmp_path / "map_top.png").read_bytes()
+def test_the_figures_show_it(run) -> None:
+    assert {file.name for file in run.glob("*.png")} == {
+        *("auprc.png", "precision_recall.png", "map_top.png", "map_side.png"),
+        *("map_target_top.png", "map_target_side.png"),
+    }
+    assert (run / "map_target_top.png").read_bytes() != (run / "map_top.png").read_bytes()
     for name, colours in (("auprc.png", (PURPLE, AMBER)), ("precision_recall.png", (AMBER,))):
-        image = np.asarray(Image.open(tmp_path / name).convert("RGB")).astype(int)
+        image = np.asarray(Image.open(run / name).convert("RGB")).astype(int)
         for colour in (*colours, BLUE):
             of = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
             assert (np.abs(image - of).max(axis=-1) <= 12).mean() > 1e-3, (name, colour)
@@ -226,7 +217,7 @@ def test_figures_of_an_organ_without_tumours_still_show_it(tmp_path) -> None:
         assert (np.abs(image - (0xE6, 0x9F, 0x00)).max(axis=-1) <= 12).mean() > 1e-3
 
 
-def test_a_campaign_keeps_its_curves_beside_rows_without_it(case, tmp_path) -> None:
+def test_a_campaign_keeps_its_curves_beside_rows_without_it(case, here, tmp_path) -> None:
     alone = case.with_name("alone_in_campaign.toml")
     alone.write_text("".join(line for line in case.read_text().splitlines(True) if "target" not in line))
     study = tmp_path / "study.toml"
@@ -259,7 +250,7 @@ def test_a_campaign_of_tumours_alone_has_no_curves_of_it() -> None:
     }
 
 
-def test_a_campaign_notices_another_file_of_it(case, tmp_path, capsys) -> None:
+def test_a_campaign_notices_another_file_of_it(case, here, tmp_path, capsys) -> None:
     for file in case.parent.glob("*.stl"):
         shutil.copy(file, tmp_path)
     scenario = Path(shutil.copy(case, tmp_path))

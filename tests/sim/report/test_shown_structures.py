@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 from opened_page import Opened
+from shared_runs import without_figures
 
 from sim.cli.command_line import main
 from sim.findings.results import write_results
@@ -39,7 +40,8 @@ def recorded(tmp_path_factory):
              "--keepout", "gallbladder.stl"]  # fmt: skip
     arguments = [str(folder / word) if word.endswith(".stl") else word for word in files]
     more = ["--steps", "2", "--arm", "none", "--out", str(folder / "run")]
-    assert main(["episode", *arguments, *more]) == 0
+    with without_figures():
+        assert main(["episode", *arguments, *more]) == 0
     return folder / "run"
 
 
@@ -82,7 +84,7 @@ def test_the_scene_for_other_programs_holds_them(run) -> None:
 
 def test_large_ones_are_thinned_for_the_page(recorded) -> None:
     record = load_run(recorded)
-    fine = trimesh.creation.icosphere(subdivisions=7, radius=0.03)  # 327,680 triangles
+    fine = trimesh.creation.icosphere(subdivisions=5, radius=0.03)  # 20,480 triangles
     many = tuple(
         dataclasses.replace(record.anatomy.structures[1], solid=Solid.from_trimesh(fine)) for _ in range(3)
     )

@@ -7,22 +7,15 @@ import shutil
 
 import numpy as np
 import pytest
+from shared_runs import N_ARM_ACTIONS
 
 from sim.cli.command_line import main
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    out = tmp_path_factory.mktemp("replay") / "run"
-    base = ["--base-mm", "450", "500", "0", "--base-yaw-deg", "-90"]  # a replay puts the arm where it stood
-    arguments = ["--scenario", "sphere", "--planner", "random", "--steps", "2", *base]
-    assert main(["episode", *arguments, "--out", str(out)]) == 0
-    return out
-
-
 @pytest.fixture
-def run(recorded, tmp_path):
-    return shutil.copytree(recorded, tmp_path / "run")
+def run(arm_run, tmp_path):
+    """A recorded run; its arm stood beside the organ, and a replay puts it there."""
+    return shutil.copytree(arm_run, tmp_path / "run")
 
 
 def test_a_replay_agrees_with_what_was_recorded(run, capsys, monkeypatch) -> None:
@@ -33,9 +26,12 @@ def test_a_replay_agrees_with_what_was_recorded(run, capsys, monkeypatch) -> Non
     monkeypatch.setattr("sim.world.ik.kinematics.Kinematics.solve", never)
     assert main(["replay", str(run)]) == 0
     text = capsys.readouterr().out
-    assert text.count("as recorded") == 2
+    assert text.count("as recorded") == N_ARM_ACTIONS
     total_s = json.loads((run / "summary.json").read_text())["procedure_s"]
-    assert f"2 actions, procedure {total_s:.1f} s, of which sensing 4.0 s" in text
+    assert (
+        f"{N_ARM_ACTIONS} actions, procedure {total_s:.1f} s, of which sensing {2 * N_ARM_ACTIONS}.0 s"
+        in text
+    )
 
 
 def test_a_changed_state_is_noticed(run, capsys) -> None:
@@ -115,7 +111,7 @@ def test_bad_motion_options_write_nothing(tmp_path, capsys, arguments, message) 
     assert not out.exists()
 
 
-def test_a_stop_by_force_keeps_what_was_done(tmp_path, capsys) -> None:
+def test_a_stop_by_force_keeps_what_was_done(no_figures, tmp_path, capsys) -> None:
     out = tmp_path / "out"
     options = ["--motion", "servo", "--stiffness-n-m", "6000", "--planner", "random", "--scenario", "sphere"]
     assert main(["episode", *options, "--steps", "4", "--out", str(out)]) == 2

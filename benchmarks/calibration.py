@@ -4,8 +4,8 @@
         [--gamma-spacing2 0.52 0.70] [--insets off on] [--planner random] [--readings 50]
         [--figure docs/figures/calibration.png]
 
-A planner's episode gives the readings, without an arm; every setting of the map learns the same ones. Expected
-improvement plans on the paper's map: under a low prior it would stay at the first tumour.
+A planner's episode without an arm gives the readings, and every setting of the map learns the same ones. Expected
+improvement plans on the paper's map, since under a low prior it would stay at the first tumour.
 
 Points inside the organ count when the map is in doubt, 0.02 < p < 0.98: a map that says 0 everywhere has none
 and fails. The slope is that of a logistic regression of the truth on the map's log odds (1 is calibrated, above
@@ -157,8 +157,8 @@ def main() -> None:
         "| calibration error | slope | skill | AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    asked = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
-    choices = list(product(*asked))
+    lists = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
+    choices = list(product(*lists))
     settings = [
         (
             MapSettings(

@@ -9,7 +9,7 @@ neither mink nor SciPy looks at contacts.
 
     python -m benchmarks.ik --effort liver sphere
 
-asks every pose of a scenario, stand-off included, twice with different sets of starts, and asks those called
+solves every pose of a scenario, stand-off included, twice with different sets of starts, and tries those called
 unreachable again from 60 configurations drawn at random.
 """
 

@@ -1,4 +1,4 @@
-"""Motion on a scenario's random poses: how many straight transfers collide, what replaces them, and what it costs.
+"""Motion between random poses of a scenario: how many straight transfers collide, and what paths in their place cost.
 
 python -m benchmarks.motion --scenario liver --poses 100
 """
@@ -36,12 +36,8 @@ def main() -> None:
         print(f"{options.scenario}: {len(poses)} reached poses, straight transfers that collide: {n_hit}")
         for kind in ("none", "kinematic", "servo"):
             chosen = poses[: options.servo_poses] if kind == "servo" else poses
-            motion_model, data, took_s, motions = (
-                make_motion_model(setup, kind),
-                setup.scene.new_data(),
-                [],
-                [],
-            )
+            motion_model, data = make_motion_model(setup, kind), setup.scene.new_data()
+            took_s, motions = [], []
             for pose in chosen:
                 start_s = process_time()
                 motions.append(motion_model.move(data, pose))

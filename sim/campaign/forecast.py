@@ -42,7 +42,7 @@ class Forecast:
 
 
 def forecast_study(study: Study, *, n_jobs: int) -> list[Forecast]:
-    """Forecasts for the first combinations of a study, each from a few actions of its first trial."""
+    """The forecasts for the first combinations of a study, each from a few actions of its first trial."""
     counts = dict(study.first_trials())
     tried = list(counts)[:MAX_COMBINATIONS]
     probes = {_probe(trial): trial for trial in tried}

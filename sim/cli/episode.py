@@ -33,16 +33,16 @@ TARGET_ROWS = (
     ("{}: AUPRC of their map", "target_auprc", "{:.3f}"),
     ("{}: Dice at probability 0.5", "target_dice", "{:.3f}"),
 )
-"""Of a second class, whose name the labels begin with."""
+"""Rows about a second class, whose name the labels begin with."""
 
 Options = EpisodeConfig
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
-    """The options given; where `--config` names an earlier run's, those that are not given are that run's.
+    """The options that the command line gives; where --config names an earlier run, the others are those of that run.
 
     Raises:
-        UsageError: That file cannot be used.
+        UsageError: The file of the earlier run cannot be used.
     """
     # Read first: options on the line need not go together without those of the file.
     path = given_word(arguments, "config")
@@ -51,10 +51,9 @@ def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
 
 
 def run(options: EpisodeConfig) -> int:
-    """Run the episode and print its results; returns the exit code."""
-    from sim.running.config_file import (
-        recorded_config,  # imports MuJoCo: a second that --help need not wait for
-    )
+    """Run the episode, print its results, and return the exit code."""
+    # Imported here, since they import MuJoCo, which takes a second that --help need not wait for.
+    from sim.running.config_file import recorded_config
     from sim.running.parts import make_parts
     from sim.running.run_episode import output_of, record_episode
 

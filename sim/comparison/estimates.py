@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 CONFIDENCE = 0.95
+"""Confidence of all intervals."""
 N_RESAMPLES = 9999
+"""Samples that the bootstrap draws."""
 Interval = tuple[float, float]
 NO_INTERVAL = (math.nan, math.nan)
 
@@ -47,10 +49,10 @@ def mean_estimate(values: ArrayLike, *, seed: int = 0) -> MeanEstimate:
 
     Args:
         values: The sample, shape (n,), n of at least 1.
-        seed: Of the resampling.
+        seed: Seed of the resampling.
 
     Raises:
-        ValueError: No value, or one that is not finite.
+        ValueError: There is no value, or one is not finite.
     """
     sample = np.asarray(values, dtype=np.float64)
     if sample.ndim != 1 or not sample.size or not np.isfinite(sample).all():
@@ -65,7 +67,7 @@ def median_with_interval(values: ArrayLike) -> tuple[float, Interval]:
     """The median of values, of which some may be infinite, and an interval free of assumptions.
 
     The interval runs between the order statistics that hold the median with at least 95 % by the binomial
-    distribution; with five values or fewer there is none.
+    distribution; five values or fewer have no such interval.
 
     Args:
         values: The sample, shape (n,), n of at least 1; infinite where an event never came.

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 Numbers = NDArray[np.float64]
 LOG_FROM = 30.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
+QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Ticks of an axis from 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +112,7 @@ def curve_chart(
     plot = _unit_square()
     path = " ".join(f"{plot.x(a):.1f},{plot.y(b):.1f}" for a, b in _steps(x, y))
     foot, first, last = plot.y(0.0), plot.x(float(x[0])), plot.x(float(x[-1]))
-    body = [y_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0), False), x_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0))]
+    body = [y_axis(plot, QUARTERS, False), x_axis(plot, QUARTERS)]
     body.append(
         f'<polygon class="area {colour}" points="{first:.1f},{foot:.1f} {path} {last:.1f},{foot:.1f}"/>'
     )
@@ -134,8 +136,7 @@ def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *,
         label: What is drawn.
     """
     plot = _unit_square()
-    ticks = (0.0, 0.25, 0.5, 0.75, 1.0)
-    body = [y_axis(plot, ticks, False), x_axis(plot, ticks)]
+    body = [y_axis(plot, QUARTERS, False), x_axis(plot, QUARTERS)]
     body.append(f'<line class="target" x1="{plot.x(0)}" y1="{plot.y(0)}" x2="{plot.x(1)}" y2="{plot.y(1)}"/>')
     line = " ".join(f"{plot.x(p):.1f},{plot.y(o):.1f}" for p, o in zip(predicted, observed, strict=True))
     body.append(f'<polyline class="line map thin" points="{line}"/>')

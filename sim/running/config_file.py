@@ -1,4 +1,4 @@
-"""The file config.json of a run: its configuration, and what that stands for. It is enough to run the episode again."""
+"""The file config.json of a run: its configuration and what that stands for, enough to run the episode again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .parts import EpisodeParts
 
 
 def run_config(parts: EpisodeParts, setup: Setup, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything needed to repeat the run: the options and what they stand for."""
+    """Everything that is needed to repeat a run: the options and what they stand for."""
     return {
         "options": dict(options),
         "scenario": scenario_record(setup.scenario),

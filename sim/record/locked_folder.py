@@ -31,6 +31,16 @@ def check_out_folder(path: Path, *, overwrite: bool) -> None:
         )
 
 
+def check_run_folder(path: Path) -> None:
+    """Check that a folder is that of a run.
+
+    Raises:
+        UsageError: It holds no run.
+    """
+    if not (path / MANIFEST).is_file():
+        raise UsageError(f"{path}: holds no run. Name the folder that `sounding episode` wrote.")
+
+
 class LockedFolder(Closeable):
     """A folder that is locked while it is open; the system frees the lock of a process that is killed."""
 

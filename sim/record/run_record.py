@@ -17,7 +17,7 @@ from sim.errors import UsageError
 from sim.tables import read_rows
 from sim.world.anatomy.anatomy import Anatomy
 
-from .locked_folder import MANIFEST
+from .locked_folder import MANIFEST, check_run_folder
 from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
 from .poses import read_poses
@@ -100,8 +100,7 @@ def load_run(folder: Path | str) -> RunRecord:
         UsageError: The folder is not that of an episode, or one of its files is missing or broken.
     """
     folder = Path(folder)
-    if not (folder / MANIFEST).is_file():
-        raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
+    check_run_folder(folder)
     config, manifest = _json(folder / "config.json"), _json(folder / MANIFEST)
     if not {"options", "scenario", "T_world_organ"} <= config.keys():
         raise UsageError(f"{folder}: is not the folder of an episode.")

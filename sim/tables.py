@@ -71,7 +71,7 @@ def table_cell(value: Any) -> Any:
 
 
 def nan_for_none(values: Iterable[float | None]) -> list[float]:
-    """Values of which each None is replaced by NaN."""
+    """The values, with NaN in the place of None."""
     return [np.nan if value is None else value for value in values]
 
 

@@ -80,7 +80,7 @@ class MapField:
 
 
 def extended(values: NDArray[np.float64], is_inside: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Values of which each outside is replaced by that of the nearest point inside, shape (X, Y, Z)."""
+    """The values, with that of the nearest point inside in the place of each outside, shape (X, Y, Z)."""
     _, nearest = distance_transform_edt(~is_inside, return_indices=True)  # pyright: ignore[reportGeneralTypeIssues]
     return values[tuple(nearest)]
 

@@ -71,7 +71,7 @@ def sequence(
             rng=rng,
         )
         if isinstance(planner, FindAndOutline):
-            # Without a map there is nothing to outline, so the search is asked directly.
+            # Without a map there is nothing to outline, so only the search counts.
             score = planner.search_score(situation)
             score[sensed] = -1.0
             sensed.append(int(np.argmax(score)))

@@ -14,7 +14,7 @@ and fails. The slope is that of a logistic regression of the truth on the map's 
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -139,7 +139,7 @@ def default_gamma_spacing2() -> float:
     return MapSettings().gamma_per_m2 * MapSettings().hinge_spacing_m ** 2
 
 
-def main() -> None:
+def parsed_arguments() -> Namespace:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="first seed")
@@ -150,7 +150,21 @@ def main() -> None:
     parser.add_argument("--insets", nargs="+", choices=("off", "on"), default=["off"])
     parser.add_argument("--planner", nargs="+", choices=PLANNERS, default=list(PLANNERS))
     parser.add_argument("--figure", type=Path, default=None)
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def setting(gamma_spacing2: float, prevalence: float, variance: float, insets: str) -> Choice:
+    """The settings of a map, and of its insets where they are on."""
+    settings = MapSettings(
+        gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
+        prior_prevalence=prevalence,
+        weight_variance=variance,
+    )
+    return settings, InsetSettings() if insets == "on" else None
+
+
+def main() -> None:
+    arguments = parsed_arguments()
     answers = {}
     print(
         "| planner | gamma spacing^2 | prior prevalence | weight variance | insets | points in doubt "
@@ -159,22 +173,11 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     lists = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
     choices = list(product(*lists))
-    settings = [
-        (
-            MapSettings(
-                gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
-                prior_prevalence=prevalence,
-                weight_variance=variance,
-            ),
-            InsetSettings() if insets == "on" else None,
-        )
-        for gamma_spacing2, prevalence, variance, insets in choices
-    ]
+    settings = [setting(*choice) for choice in choices]
     with threadpool_limits(1):
         for planner in arguments.planner:
-            for choice, answer in zip(
-                choices, collect(planner, seeds, arguments.readings, settings), strict=True
-            ):
+            found = collect(planner, seeds, arguments.readings, settings)
+            for choice, answer in zip(choices, found, strict=True):
                 names = [planner, *(f"{value:.3g}" for value in choice[:-1]), str(choice[-1])]
                 answers[", ".join(names)] = answer
                 numbers = [f"{value:.3g}" for value in summary(answer).values()]

@@ -70,6 +70,11 @@ def table_cell(value: Any) -> Any:
     return "" if value is None else value
 
 
+def nan_for_none(values: Iterable[float | None]) -> list[float]:
+    """The values, with NaN in the place of None."""
+    return [np.nan if value is None else value for value in values]
+
+
 def read_rows(path: Path) -> list[dict[str, str]]:
     """The whole rows of a CSV file: none where it is missing, and no last row that was cut short by a kill."""
     if not path.is_file():

@@ -67,7 +67,8 @@ def _forecast(trial: Trial, n_trials: int, result: TrialResult, size: int) -> Fo
     actions_s = sum(timings.get(part, 0.0) for part in ACTION_SECONDS)
     per_action_s = actions_s / min(N_PROBED, trial.config.steps)
     n_curves = sum(not name.endswith("precision") for name in result.curves)
-    more_bytes = 9 * n_curves * max(trial.config.steps - N_PROBED, 0)  # "0.123456," per action
+    # Each curve takes "0.123456," per action.
+    more_bytes = 9 * n_curves * max(trial.config.steps - N_PROBED, 0)
     trial_s = timings.get("setup_s", 0.0) + per_action_s * trial.config.steps
     return Forecast(trial, n_trials, trial_s, size + more_bytes, result.row.get("error"))
 

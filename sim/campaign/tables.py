@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from mapping.storage import replacing
-from sim.tables import columns_of, write_csv
+from sim.tables import columns_of, nan_for_none, write_csv
 
 from .journal import Entry, Journal
 from .study import LEADING, Study
@@ -66,17 +66,13 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
         has_target |= "target_sensed_fraction" in curves
         for name, column in columns.items():
             length = len(RECALL_LEVELS) if name.endswith("precision") else n_actions
-            column.extend(_floats(curves.get(name) or [None] * length))
+            column.extend(nan_for_none(curves.get(name) or [None] * length))
     count = np.asarray(counts, dtype=np.int64)
     arrays = {"first": np.cumsum(count) - count, "count": count}
     for name in (*CURVES, *(TARGET_CURVES if has_target else ())):
         values = np.asarray(columns[name], dtype=np.float32)
         arrays[name] = values.reshape(-1, len(RECALL_LEVELS)) if name.endswith("precision") else values
     return arrays | {"recall": RECALL_LEVELS}
-
-
-def _floats(values: Sequence[float | None]) -> list[float]:
-    return [np.nan if value is None else value for value in values]
 
 
 def _write_parquet(folder: Path) -> None:

@@ -129,7 +129,7 @@ class Options:
         return dataclasses.replace(load_scenario(self.scenario), **changes)
 
     def make_arm(self, index: int) -> ArmModel:
-        """One of the arms."""
+        """One of the arms, where it stands."""
         flange = self.flange_of(index)
         return arm_standing(self.arm[index], flange, base_mm=self.base_mm, base_yaw_deg=self.base_yaw_deg)
 

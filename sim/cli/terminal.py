@@ -42,19 +42,19 @@ def _readable_help(options_class: type[Any]) -> ConstructorRegistry:
     The parser would keep the line breaks of a docstring, which fall in the middle of the lines of a terminal.
     """
     registry, names = ConstructorRegistry(), set(leaf_fields(options_class))
-    is_asked = False
+    is_inner = False
 
     @registry.struct_rule
     def rule(info: StructTypeInfo) -> StructConstructorSpec | None:
-        nonlocal is_asked
-        if is_asked or not dataclasses.is_dataclass(info.type):
+        nonlocal is_inner
+        if is_inner or not dataclasses.is_dataclass(info.type):
             return None
-        # Asked by this rule, the registry answers by the parser's own rules.
-        is_asked = True
+        # From within this rule, the registry answers by the parser's own rules.
+        is_inner = True
         try:
             spec = ConstructorRegistry.get_struct_spec(info)
         finally:
-            is_asked = False
+            is_inner = False
         if not isinstance(spec, StructConstructorSpec):
             return None
         return dataclasses.replace(

@@ -107,6 +107,31 @@ def paired_estimate(first: ArrayLike, second: ArrayLike, *, lower_is_better: boo
     )
 
 
+def spread_of(
+    curves: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The mean of curves of shares, and the ends of one standard deviation about it, within 0 and 1, each shape (K,).
+
+    Args:
+        curves: One curve per trial, shape (n, K).
+    """
+    mean = curves.mean(axis=0)
+    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
+    return mean, np.clip(mean - deviation, 0, 1), np.clip(mean + deviation, 0, 1)
+
+
+def reached_shares(needed: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The numbers of actions, from 1 on, at which more trials have got there, and the share that has by then.
+
+    Args:
+        needed: Actions that each trial needed, shape (n,); infinite where it never got there.
+    """
+    ranked = np.sort(needed)
+    shares = np.arange(1, len(ranked) + 1) / len(ranked)
+    is_there = np.isfinite(ranked)
+    return np.concatenate([[1.0], ranked[is_there]]), np.concatenate([[0.0], shares[is_there]])
+
+
 def share_interval(share: float, n: int) -> Interval:
     """Wilson's interval of a share that was seen among n; it holds at 0 and at 1 too."""
     z = float(stats.norm.ppf((1 + CONFIDENCE) / 2))

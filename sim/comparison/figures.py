@@ -13,6 +13,7 @@ from sim.campaign.trial_result import RECALL_LEVELS
 from sim.pictures.figures import BLUE, INK, MUTED, VERMILION, new_figure, save
 
 from .comparison import SENSINGS, Comparison, Score, horizon_of, measured
+from .estimates import reached_shares, spread_of
 from .trial_groups import TrialGroup
 
 COLOURS = (VERMILION, BLUE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -78,11 +79,7 @@ def draw_reached(path: Path, comparison: Comparison, case: str) -> bool:
     figure, axes = new_figure(width_in=6.4, height_in=4.2)
     last = max(group.n_steps for group in groups)
     for index, group in enumerate(groups):
-        needed = np.sort(group.sensings_to_95())
-        shares = np.arange(1, len(needed) + 1) / len(needed)
-        is_there = np.isfinite(needed)
-        x = np.concatenate([[1.0], needed[is_there]])
-        y = np.concatenate([[0.0], shares[is_there]])
+        x, y = reached_shares(group.sensings_to_95())
         axes.step(
             x, y, where="post", color=COLOURS[index % len(COLOURS)], linewidth=2.2, label=group.contender
         )
@@ -137,9 +134,7 @@ def draw_precision(path: Path, comparison: Comparison, case: str) -> bool:
 def _draw_band(
     axes: Axes, x: NDArray[np.float64], curves: NDArray[np.float64], colour: str, label: str
 ) -> None:
-    mean = curves.mean(axis=0)
-    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
-    low, high = np.clip(mean - deviation, 0, 1), np.clip(mean + deviation, 0, 1)
+    mean, low, high = spread_of(curves)
     axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     axes.plot(x, mean, color=colour, linewidth=2.2, label=label)
 

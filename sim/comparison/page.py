@@ -16,6 +16,7 @@ from sim.report.page import REPORT, environment
 from sim.running.fields import config_of
 
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
+from .estimates import reached_shares, spread_of
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
 from .tables import failures, horizon_note, pair_cells, score_cells
 from .trial_groups import TrialGroup
@@ -110,24 +111,17 @@ def _charts(
 
 
 def _reached(group: TrialGroup, names: Sequence[str]) -> Series:
-    needed = np.sort(group.sensings_to_95())
-    shares = np.arange(1, len(needed) + 1) / len(needed)
-    is_there = np.isfinite(needed)
-    end = shares[is_there][-1] if is_there.any() else 0.0
+    x, shares = reached_shares(group.sensings_to_95())
     return Series(
         name=group.contender, index=names.index(group.contender), is_step=True,
-        x=np.concatenate([[1.0], needed[is_there], [max(group.n_steps, 2)]]),
-        middle=np.concatenate([[0.0], shares[is_there], [end]]),
+        x=np.append(x, max(group.n_steps, 2)), middle=np.append(shares, shares[-1]),
     )  # fmt: skip
 
 
 def _banded(group: TrialGroup, key: str, x: np.ndarray, names: Sequence[str]) -> Series:
-    curves = group.curve(key)
-    mean = curves.mean(axis=0)
-    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
+    mean, low, high = spread_of(group.curve(key))
     return Series(
-        name=group.contender, index=names.index(group.contender), x=x[: len(mean)], middle=mean,
-        low=np.clip(mean - deviation, 0, 1), high=np.clip(mean + deviation, 0, 1),
+        name=group.contender, index=names.index(group.contender), x=x[: len(mean)], middle=mean, low=low, high=high,
     )  # fmt: skip
 
 

@@ -16,6 +16,7 @@ from sim.campaign.journal import Entry, read_entries
 from sim.campaign.study import SETUP_OPTIONS
 from sim.errors import UsageError
 from sim.running.fields import default_of
+from sim.tables import nan_for_none
 
 ENDINGS = ("steps", "until_sensed")
 """Options that say when an episode ends; the names of groups leave them out."""
@@ -48,8 +49,7 @@ class TrialGroup:
 
     def values(self, key: str) -> NDArray[np.float64]:
         """A column of the rows, shape (n,); NaN where it is empty or missing."""
-        values = [entry["row"].get(key) for entry in self.entries]
-        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+        return np.array(nan_for_none(entry["row"].get(key) for entry in self.entries), dtype=np.float64)
 
     def sensings_to_95(self) -> NDArray[np.float64]:
         """The actions until 95 % of the tumours was sensed, shape (n,); infinite where that never came."""
@@ -61,7 +61,7 @@ class TrialGroup:
         curves = [entry["curves"].get(name) or [None] for entry in self.entries]
         longest = max((len(curve) for curve in curves), default=0)
         held = [[*curve, *[curve[-1]] * (longest - len(curve))] for curve in curves]
-        return np.array([[np.nan if v is None else v for v in row] for row in held], dtype=np.float64)
+        return np.array([nan_for_none(row) for row in held], dtype=np.float64)
 
 
 def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None) -> list[TrialGroup]:

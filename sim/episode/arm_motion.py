@@ -157,17 +157,10 @@ class ServoMotion(PathMotion):
 
     def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
         """See `PathMotion._follow`; the arm holds still for a while at the end."""
-        dt_s, every = self._arm.dt_s, max(1, round(RECORD_DT_S / self._arm.dt_s))
-        n_moving = int(np.ceil(plan.time_s[-1] / dt_s))
-        n = n_moving + round(self._servo.settle_s / dt_s)
-        time_s = np.asarray(dt_s * np.arange(1, n + 1), dtype=np.float64)
-        q, speed = (
-            np.column_stack([np.interp(time_s, plan.time_s, column) for column in part.T])
-            for part in (plan.q, plan.speed)
-        )
-        speed[n_moving:] = 0.0
+        every = max(1, round(RECORD_DT_S / self._arm.dt_s))
+        time_s, q, speed, n_moving = self._commands(plan)
         run = self._arm.run(q, speed, record_every=every)
-        rows = np.append(np.arange(every - 1, n, every), n - 1)
+        rows = np.append(np.arange(every - 1, len(time_s), every), len(time_s) - 1)
         rows = np.unique(rows)[: len(run.states)]
         phase_rows = np.minimum(np.searchsorted(plan.time_s, time_s[rows]), len(plan.time_s) - 1)
         phases = np.where(rows >= n_moving, int(Phase.HOLD), plan.phases[phase_rows]).astype(np.int8)
@@ -188,6 +181,21 @@ class ServoMotion(PathMotion):
         if run.is_stopped:
             raise ProcedureStoppedError(self._why_stopped(run), motion)
         return motion
+
+    def _commands(
+        self, plan: Plan
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
+        """The times, positions and speeds that servos are sent, and how many of these come before the arm rests."""
+        dt_s = self._arm.dt_s
+        n_moving = int(np.ceil(plan.time_s[-1] / dt_s))
+        n = n_moving + round(self._servo.settle_s / dt_s)
+        time_s = np.asarray(dt_s * np.arange(1, n + 1), dtype=np.float64)
+        q, speed = (
+            np.column_stack([np.interp(time_s, plan.time_s, column) for column in part.T])
+            for part in (plan.q, plan.speed)
+        )
+        speed[n_moving:] = 0.0
+        return time_s, q, speed, n_moving
 
     def _tracking_errors(
         self, state: NDArray[np.float64], sent_q: NDArray[np.float64]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,17 @@ class Setup:
     notices: tuple[str, ...] = ()
     """What was repaired or is unusual about the files."""
 
+    def on_lattice(self, values: NDArray[Any], *, outside: float | bool) -> NDArray[Any]:
+        """Values of the search points on the whole query lattice, shape (X, Y, Z).
+
+        Args:
+            values: One value per search point, shape (M,).
+            outside: The value of the points outside the organ.
+        """
+        filled = np.full(self.query.n_points, outside, dtype=values.dtype)
+        filled[self.is_inside] = values
+        return filled.reshape(self.query.shape)
+
 
 def build_setup(
     scenario: Scenario, arm: ArmModel | None = None, map_settings: MapSettings | None = None
@@ -98,17 +110,13 @@ def build_setup(
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    empty = build_anatomy(
-        organ, name=scenario.name, rng=np.random.default_rng(0), structures=placed.structures
-    )
-    scene = build_scene(empty, cone, arm=arm)
+    scene = _empty_scene(scenario, placed, cone, arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
     organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
+    positioner: Positioner = FreePositioner(scene, workspace)
     if arm is not None:
         check_base_room(scene, organ_distance)
-    positioner = (
-        FreePositioner(scene, workspace) if arm is None else ArmPositioner(scene, workspace, organ_distance)
-    )
+        positioner = ArmPositioner(scene, workspace, organ_distance)
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())
     search_points_m = query.points_m()[is_inside]
@@ -135,6 +143,13 @@ def build_setup(
         surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
         notices=notices,
     )
+
+
+def _empty_scene(scenario: Scenario, placed: PlacedOrgan, cone: Cone, arm: ArmModel | None) -> Scene:
+    """The scene of a scenario without tumours."""
+    rng = np.random.default_rng(0)
+    empty = build_anatomy(placed.organ, name=scenario.name, rng=rng, structures=placed.structures)
+    return build_scene(empty, cone, arm=arm)
 
 
 def _hinge_mask(

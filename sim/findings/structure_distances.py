@@ -89,10 +89,9 @@ def _mapped(
     """The points [m] and the volume [m^3] of each body of a map, the largest first."""
     if prediction is None:
         return []
-    is_likely = np.zeros(setup.query.n_points, dtype=bool)
-    is_likely[setup.is_inside] = prediction.probability > threshold
+    is_called = setup.on_lattice(prediction.probability > threshold, outside=False)
     pieces = np.empty(setup.query.shape, dtype=np.int32)
-    label(is_likely.reshape(setup.query.shape), structure=generate_binary_structure(3, 3), output=pieces)
+    label(is_called, structure=generate_binary_structure(3, 3), output=pieces)
     sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
     cell_m3 = float(np.prod([np.diff(axis).mean() for axis in setup.query.axes_m]))

@@ -67,9 +67,7 @@ class EpisodeFrames(Closeable):
     def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which search points are likely and have a neighbour that is not: only these are seen of a heap of cells."""
         setup = self._episode.setup
-        on_lattice = np.zeros(setup.query.n_points, dtype=np.bool_)
-        on_lattice[setup.is_inside] = is_likely
-        core = binary_erosion(on_lattice.reshape(setup.query.shape))
+        core = np.asarray(binary_erosion(setup.on_lattice(is_likely, outside=False)), dtype=np.bool_)
         return is_likely & ~core.ravel()[setup.is_inside]
 
     def close(self) -> None:

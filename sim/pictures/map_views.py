@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -112,9 +113,7 @@ def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
     axes.set_title(_title(view, picture), loc="left", fontsize=12, color=INK, pad=10)
     beside = ((_MARGINS_IN[0] + width_in + 0.15) / of_figure_in[0], _MARGINS_IN[2] / of_figure_in[1])
     bar_axes = figure.add_axes((*beside, 0.16 / of_figure_in[0], height_in / of_figure_in[1]))
-    colourbar = figure.colorbar(image, cax=bar_axes)
-    colourbar.set_label(f"highest probability of {picture.noun}", fontsize=9, color=INK)
-    colourbar.ax.tick_params(labelsize=9, length=0)
+    _draw_colourbar(figure, image, bar_axes, f"highest probability of {picture.noun}")
     _draw_legend(figure, f"true {picture.target_name or 'tumours'}")
     save(figure, path)
 
@@ -166,6 +165,12 @@ def _draw_poses(axes: Axes, poses_mm: NDArray[np.float64]) -> None:
         if is_numbered:
             text = {"fontsize": 6, "ha": "center", "va": "center_baseline", "zorder": 5 + index}
             axes.text(across_mm, up_mm, str(index + 1), color="white", **text)
+
+
+def _draw_colourbar(figure: Figure, image: AxesImage, axes: Axes, label: str) -> None:
+    colourbar = figure.colorbar(image, cax=axes)
+    colourbar.set_label(label, fontsize=9, color=INK)
+    colourbar.ax.tick_params(labelsize=9, length=0)
 
 
 def _draw_legend(figure: Figure, truth: str) -> None:

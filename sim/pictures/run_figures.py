@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mapping import Prediction, precision_recall_curve
 from sim.episode.episode import Episode
 from sim.episode.step import Step
+from sim.tables import nan_for_none
 from sim.world.solids.solid import Solid
 
 from .figures import TargetCurves, draw_precision_recall, draw_progress
@@ -32,8 +33,8 @@ def draw_run_figures(folder: Path, episode: Episode, steps: Sequence[Step]) -> N
     target = _target_curves(episode, steps)
     draw_progress(
         folder / "auprc.png",
-        auprc=_floats([step.auprc for step in steps]),
-        sensed_fraction=_floats([step.sensed_fraction for step in steps]),
+        auprc=nan_for_none([step.auprc for step in steps]),
+        sensed_fraction=nan_for_none([step.sensed_fraction for step in steps]),
         target=target,
     )
     if episode.prediction is None:
@@ -56,7 +57,7 @@ def _target_curves(episode: Episode, steps: Sequence[Step]) -> TargetCurves | No
     recall, precision = _ranking(target.prediction, target.truth.is_target)
     return TargetCurves(
         name=target.name,
-        auprc=_floats([score.auprc for score in scores]),
+        auprc=nan_for_none([score.auprc for score in scores]),
         sensed_fraction=[score.sensed_fraction for score in scores],
         recall=recall,
         precision=precision,
@@ -113,23 +114,16 @@ def _picture(
     target_name: str | None = None,
 ) -> MapPicture:
     setup = episode.setup
-    shape, is_inside = setup.query.shape, setup.is_inside
-    probability, is_true = np.full(is_inside.shape, np.nan), np.zeros(is_inside.shape, dtype=bool)
-    probability[is_inside], is_true[is_inside] = prediction.probability, truth
     return MapPicture(
         axes_m=setup.query.axes_m,
-        probability=probability.reshape(shape),
-        is_tumour=is_true.reshape(shape),
-        is_inside=is_inside.reshape(shape),
+        probability=setup.on_lattice(prediction.probability, outside=np.nan),
+        is_tumour=setup.on_lattice(truth, outside=False),
+        is_inside=setup.is_inside.reshape(setup.query.shape),
         poses_m=setup.workspace.positions_m[episode.sensed],
         organ_triangles_m=_triangles(setup.organ),
         tumour_triangles_m=_all_triangles(bodies),
         target_name=target_name,
     )
-
-
-def _floats(values: Sequence[float | None]) -> list[float]:
-    return [np.nan if value is None else value for value in values]
 
 
 def _triangles(solid: Solid) -> NDArray[np.float64]:

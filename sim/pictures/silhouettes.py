@@ -68,7 +68,7 @@ class Raster:
 
 
 def extended_to_all(values: NDArray[np.float64], is_known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Values of which each that is unknown is replaced by that of the nearest known lattice point.
+    """The values, with that of the nearest known lattice point in the place of each unknown one.
 
     Args:
         values: A 2D array.

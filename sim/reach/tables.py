@@ -9,6 +9,7 @@ import numpy as np
 
 from mapping.storage import replacing
 from sim.errors import UsageError
+from sim.record.step_files import place_of
 from sim.world.ik.chain import Chain
 
 from .base_search import BaseSearch
@@ -29,8 +30,7 @@ def study_rows(study: ReachStudy, workcell: Workcell, chain: Chain) -> list[Row]
         q = result.q[chain.columns] if result.is_reached else np.full(chain.n_joints, np.nan)
         row = {
             "pose_index": pose,
-            **{f"position_{axis}_m": workspace.positions_m[pose, i] for i, axis in enumerate("xyz")},
-            **{f"normal_{axis}": workspace.normals[pose, i] for i, axis in enumerate("xyz")},
+            **place_of(workspace, pose),
             "is_reached": result.is_reached,
             "reason": result.status.name.lower(),
             "detail": result.detail,

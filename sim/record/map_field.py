@@ -54,15 +54,19 @@ class MapField:
         return int(self.is_inside.sum())
 
     @property
+    def low_m(self) -> NDArray[np.float64]:
+        """The first point of the lattice [m], shape (3,)."""
+        return np.array([axis[0] for axis in self.axes_m])
+
+    @property
     def cell_m(self) -> NDArray[np.float64]:
         """The spacing along each axis [m], shape (3,); 0 along an axis of one point."""
         return np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in self.axes_m])
 
     def indices_of(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """The fractional indices of points, shape (N, 3)."""
-        low_m = np.array([axis[0] for axis in self.axes_m])
         cell_m = np.where(self.cell_m > 0, self.cell_m, 1.0)
-        return (points_m - low_m) / cell_m
+        return (points_m - self.low_m) / cell_m
 
     def nearest(self, points_m: NDArray[np.float64]) -> NDArray[np.intp]:
         """The indices of the lattice point nearest to each point, shape (N, 3)."""
@@ -76,7 +80,7 @@ class MapField:
 
 
 def extended(values: NDArray[np.float64], is_inside: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Values of which each outside is replaced by that of the nearest point inside, shape (X, Y, Z)."""
+    """The values, with that of the nearest point inside in the place of each outside, shape (X, Y, Z)."""
     _, nearest = distance_transform_edt(~is_inside, return_indices=True)  # pyright: ignore[reportGeneralTypeIssues]
     return values[tuple(nearest)]
 

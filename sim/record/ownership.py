@@ -52,6 +52,16 @@ def check_out_folder(path: Path, *, overwrite: bool, marker: str = MANIFEST) -> 
         refuse_strangers(path)
 
 
+def check_run_folder(path: Path) -> None:
+    """Check that a folder is that of a run.
+
+    Raises:
+        UsageError: It holds no run.
+    """
+    if not (path / MANIFEST).is_file():
+        raise UsageError(f"{path}: holds no run. Name the folder that `sounding episode` wrote.")
+
+
 def refuse_strangers(path: Path) -> None:
     """Check that a folder, which is not known to be ours, holds nothing.
 

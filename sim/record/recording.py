@@ -20,7 +20,7 @@ from sim.world.scene.arm import ArmModel
 from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
-from .ownership import MANIFEST
+from .ownership import check_run_folder
 from .trajectories import read_anatomy, read_motions
 
 
@@ -104,8 +104,7 @@ def set_state(scene: Scene, data: mujoco.MjData, state: NDArray[np.float64]) -> 
 
 
 def _config(folder: Path) -> dict[str, Any]:
-    if not (folder / MANIFEST).is_file():
-        raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
+    check_run_folder(folder)
     try:
         config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         if not {"arm", "flange", "sensing_s"} <= config["options"].keys():

@@ -135,7 +135,7 @@ def _now() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """JSON form of what json does not know."""
+    """The JSON form of a value that json does not know."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):

@@ -19,7 +19,7 @@ from sim.world.anatomy.anatomy import Anatomy
 
 from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
-from .ownership import MANIFEST
+from .ownership import MANIFEST, check_run_folder
 from .poses import read_poses
 from .trajectories import ANATOMY, read_anatomy
 
@@ -100,8 +100,7 @@ def load_run(folder: Path | str) -> RunRecord:
         UsageError: The folder is not that of an episode, or one of its files is missing or broken.
     """
     folder = Path(folder)
-    if not (folder / MANIFEST).is_file():
-        raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
+    check_run_folder(folder)
     config, manifest = _json(folder / "config.json"), _json(folder / MANIFEST)
     if not {"options", "scenario", "T_world_organ"} <= config.keys():
         raise UsageError(f"{folder}: is not the folder of an episode.")

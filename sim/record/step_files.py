@@ -27,7 +27,7 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     folder.append_row("steps.csv", _step_row(episode, step))
     for skipped in step.skipped:
         row = {"step": step.step, "pose_index": skipped.pose_index, "reason": skipped.reason}
-        row |= _place_of(workspace, skipped.pose_index)
+        row |= place_of(workspace, skipped.pose_index)
         folder.append_row("skipped.csv", row)
     for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
         row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
@@ -47,7 +47,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
     return {
         "step": step.step,
         "pose_index": step.pose_index,
-        **_place_of(episode.setup.workspace, step.pose_index),
+        **place_of(episode.setup.workspace, step.pose_index),
         **dict(zip(episode.setup.positioner.joint_names, step.ik.q, strict=True)),
         "position_error_m": step.ik.position_error_m,
         "angle_error_rad": step.ik.angle_error_rad,
@@ -90,7 +90,7 @@ def best_improvement(prediction: Prediction | None) -> float | None:
     return float(expected_improvement(mean, variance, incumbent=float(mean.max())).max())
 
 
-def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
+def place_of(workspace: Workspace, pose: int) -> dict[str, float]:
     """The position and the inward normal of a pose as columns."""
     position_m, normal = workspace.positions_m[pose], workspace.normals[pose]
     return {f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")} | {
@@ -134,9 +134,6 @@ def _prediction_arrays(setup: Setup, prediction: Prediction) -> dict[str, np.nda
 
 def _on_lattice(setup: Setup, values: np.ndarray) -> np.ndarray:
     """The values of the search points on the whole lattice: NaN, or False, outside the organ."""
-    is_flag = values.dtype == bool
-    filled = np.full(
-        setup.query.n_points, False if is_flag else np.nan, dtype=bool if is_flag else np.float32
-    )
-    filled[setup.is_inside] = values
-    return filled.reshape(setup.query.shape)
+    if values.dtype == bool:
+        return setup.on_lattice(values, outside=False)
+    return setup.on_lattice(values.astype(np.float32), outside=np.nan)

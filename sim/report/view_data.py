@@ -131,7 +131,7 @@ def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:
     prior = float(record.config["map"]["prior_prevalence"])
     return {
         "shape": list(field.is_inside.shape),
-        "low": [float(axis[0]) for axis in field.axes_m],
+        "low": field.low_m.tolist(),
         "cell": field.cell_m.tolist(),
         "inside": pack.add(np.packbits(field.is_inside.ravel(), bitorder="little")),
         "n_inside": field.n_inside,

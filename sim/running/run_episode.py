@@ -202,7 +202,7 @@ class _EpisodeRun:
         self._has_told_of_reach = False
 
     def run(self, interrupt: NotedInterrupt, start_s: float, *, show_progress: bool) -> dict[str, Any]:
-        """Sense until the end, and return the summary; until now, since `start_s`, the setup was built."""
+        """Sense until the end, and return the summary; the time from `start_s` to now was that of the setup."""
         setup_s = perf_counter() - start_s
         try:
             self._sense(interrupt, show_progress=show_progress)

@@ -11,7 +11,7 @@ from scipy.special import logit
 from skimage.measure import marching_cubes
 
 from sim.errors import UsageError
-from sim.record.map_field import MapField, called_from
+from sim.record.map_field import called_from
 from sim.record.recording import Recording
 from sim.record.run_record import RunRecord
 from sim.world.solids.solid import Solid
@@ -103,11 +103,7 @@ def _map_surface(record: RunRecord, step: int) -> tuple[NDArray[np.float64], NDA
     if not (block > 0).any():
         return np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)
     vertices, faces, _, _ = marching_cubes(block, level=0.0)
-    return _low_m(field) + (vertices - 1) * field.cell_m, faces
-
-
-def _low_m(field: MapField) -> NDArray[np.float64]:
-    return np.array([axis[0] for axis in field.axes_m])
+    return field.low_m + (vertices - 1) * field.cell_m, faces
 
 
 def _mesh(rr: Any, solid: Solid, colour: tuple[int, int, int, int]) -> Any:

@@ -81,6 +81,22 @@ def setups_are_built_once():
         yield shared
 
 
+@pytest.fixture(scope="session", autouse=True)
+def grids_are_built_once():
+    """The distances to an organ, a third of a second each time, are kept: equal organs have equal ones."""
+    build, built = DistanceGrid.from_solid, {}
+
+    def shared(solid: Solid, **more: float) -> DistanceGrid:
+        key = (solid.vertices_m.tobytes(), solid.faces.tobytes(), *sorted(more.items()))
+        if key not in built:
+            built[key] = build(solid, **more)
+        return built[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(DistanceGrid, "from_solid", shared)
+        yield
+
+
 @pytest.fixture(scope="session")
 def browser():
     """Chromium without a window or a graphics card."""
@@ -147,6 +163,17 @@ def coarse(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("scenarios") / "coarse.toml"
     path.write_text('base = "liver"\nn_poses = 60\nscore_spacing_m = 0.008\n')
     return path
+
+
+@pytest.fixture(scope="session")
+def small_ball(tmp_path_factory) -> Path:
+    """A scenario's file: a ball before the arm that is quick to build, with more poses than any test will sense."""
+    folder = tmp_path_factory.mktemp("ball")
+    trimesh.creation.icosphere(subdivisions=2, radius=0.04).export(folder / "ball.stl")
+    lines = ('organ = "ball.stl"', 'organ_unit = "m"', "n_tumours = 1", 'tumour_shape = "sphere"')
+    more = ("tumour_radius_m = 0.010", "n_poses = 3000", "score_spacing_m = 0.008")
+    (folder / "ball.toml").write_text("\n".join([*lines, *more]))
+    return folder / "ball.toml"
 
 
 @pytest.fixture(scope="session")

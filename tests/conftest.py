@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import HealthCheck, settings
 from shared_runs import make_arm_run, make_two_class_run, without_figures
 
 from mapping import MapSettings
@@ -45,6 +46,10 @@ LONGEST = (
 )
 """Files of tests that take longest, begun first, so that no process is left with one of them at the end."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+
+# A machine that is busy with other things makes any example late, and proves nothing by it.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import HealthCheck, settings
 from shared_runs import make_arm_run, make_two_class_run, without_figures
 
 from mapping import MapSettings
@@ -46,6 +47,10 @@ LONGEST = (
 """Files of tests that take longest, begun first, so that no process is left with one of them at the end."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
+# A machine that is busy with other things makes any example late, and proves nothing by it.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config) -> None:
@@ -79,6 +84,22 @@ def setups_are_built_once():
         for room in ("sim.running.run_episode", "sim.campaign.trial"):
             patch.setattr(f"{room}.build_setup", shared)
         yield shared
+
+
+@pytest.fixture(scope="session", autouse=True)
+def grids_are_built_once():
+    """The distances to an organ, a third of a second each time, are kept: equal organs have equal ones."""
+    build, built = DistanceGrid.from_solid, {}
+
+    def shared(solid: Solid, **more: float) -> DistanceGrid:
+        key = (solid.vertices_m.tobytes(), solid.faces.tobytes(), *sorted(more.items()))
+        if key not in built:
+            built[key] = build(solid, **more)
+        return built[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(DistanceGrid, "from_solid", shared)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -147,6 +168,17 @@ def coarse(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("scenarios") / "coarse.toml"
     path.write_text('base = "liver"\nn_poses = 60\nscore_spacing_m = 0.008\n')
     return path
+
+
+@pytest.fixture(scope="session")
+def small_ball(tmp_path_factory) -> Path:
+    """A scenario's file: a ball before the arm that is quick to build, with more poses than any test will sense."""
+    folder = tmp_path_factory.mktemp("ball")
+    trimesh.creation.icosphere(subdivisions=2, radius=0.04).export(folder / "ball.stl")
+    lines = ('organ = "ball.stl"', 'organ_unit = "m"', "n_tumours = 1", 'tumour_shape = "sphere"')
+    more = ("tumour_radius_m = 0.010", "n_poses = 3000", "score_spacing_m = 0.008")
+    (folder / "ball.toml").write_text("\n".join([*lines, *more]))
+    return folder / "ball.toml"
 
 
 @pytest.fixture(scope="session")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+WAIT_MS = 180_000
+"""For anything that a page is waited for: drawing without a graphics card is slow where others use the processors."""
+
 
 class Opened:
     """A page of a browser, opened at a file."""
@@ -9,6 +12,7 @@ class Opened:
     def __init__(self, browser, address, **context) -> None:
         self.context = browser.new_context(**context)
         self.page = self.context.new_page()
+        self.page.set_default_timeout(WAIT_MS)
         self.complaints: list[str] = []
         self.requests: list[str] = []
         self.page.on("console", lambda message: self.complaints.append(f"{message.type}: {message.text}"))
@@ -17,7 +21,7 @@ class Opened:
         self.page.goto(address.as_uri())
 
     def ready(self):
-        self.page.wait_for_function("window.soundingReport", timeout=60_000)
+        self.page.wait_for_function("window.soundingReport", timeout=WAIT_MS)
         return self.page
 
     @property

@@ -13,7 +13,7 @@ from mapping.boxes import boxes_around
 
 LOW_M, HIGH_M = (-0.06, -0.06, -0.08), (0.06, 0.06, 0.0)
 CENTRE_M, RADIUS_M = np.array([0.004, -0.003, -0.04]), 0.006
-QUERY = Lattice.from_box(LOW_M, HIGH_M, spacing_m=0.003)
+QUERY = Lattice.from_box(LOW_M, HIGH_M, spacing_m=0.004)
 INSIDE = np.abs(QUERY.points_m()[:, 0]) < 0.05
 
 

@@ -20,7 +20,7 @@ def entry(seed: int, status: str = "finished", **row) -> dict:
     return {"settings": {"seed": seed}, "row": {"status": status, **row}, "timings": {}, "curves": {}}
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.dictionaries(st.text(), st.floats(allow_nan=False, allow_infinity=False) | st.text() | st.none()))
 def test_an_entry_is_a_line_that_reads_back_with_all_digits(row) -> None:
     line = encoded(entry(3) | {"row": row})
@@ -28,7 +28,7 @@ def test_an_entry_is_a_line_that_reads_back_with_all_digits(row) -> None:
     assert decoded(line) == entry(3) | {"row": row}
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.data())
 def test_no_part_of_a_line_passes_for_an_entry(data) -> None:
     line = encoded(entry(3, text="some words", number=0.123))

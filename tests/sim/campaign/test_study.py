@@ -49,7 +49,7 @@ def test_every_option_of_an_episode_may_be_an_axis() -> None:
     assert set(option_names()) == set(field_names()) - set(NOT_AXES)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     scenarios=st.lists(st.sampled_from(sorted(SCENARIOS)), min_size=1, max_size=3, unique=True),
     planners=st.lists(st.sampled_from(planner_names()), min_size=1, max_size=3, unique=True),

@@ -143,17 +143,6 @@ def wait_for_rows(process: subprocess.Popen, folder: Path, n: int) -> None:
     raise AssertionError(f"the run ended or stalled before {n} rows: {process.poll()}")
 
 
-@pytest.fixture(scope="module")
-def small_ball(tmp_path_factory) -> Path:
-    """A case that is quick to build, with more poses than any test will sense."""
-    folder = tmp_path_factory.mktemp("ball")
-    trimesh.creation.icosphere(subdivisions=2, radius=0.04).export(folder / "ball.stl")
-    lines = ('organ = "ball.stl"', 'organ_unit = "m"', "n_tumours = 1", 'tumour_shape = "sphere"')
-    more = ("tumour_radius_m = 0.010", "n_poses = 3000", "score_spacing_m = 0.008")
-    (folder / "ball.toml").write_text("\n".join([*lines, *more]))
-    return folder / "ball.toml"
-
-
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
 def test_an_end_at_any_moment_keeps_what_was_done(
     small_ball, no_figures, tmp_path, how: signal.Signals

@@ -15,7 +15,6 @@ from mapping import MapSettings
 from sim.episode.arm_motion import make_motion_model
 from sim.episode.motion import Phase
 from sim.episode.scenario import SCENARIOS
-from sim.episode.setup import build_setup
 from sim.world.motion.settings import ServoSettings
 from sim.world.scene.arm import ArmModel
 from sim.world.solids.surface_distance import SurfaceDistance
@@ -82,7 +81,8 @@ class Touch:
 def touch(request) -> Touch:
     if request.param == "sphere":
         return Touch(request.getfixturevalue("sphere_arm_setup"))
-    return Touch(build_setup(SCENARIOS["liver"], ArmModel(), MapSettings()))
+    build = request.getfixturevalue("setups_are_built_once")
+    return Touch(build(SCENARIOS["liver"], ArmModel(), MapSettings()))
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from importlib.util import find_spec
 
 import pytest
 
@@ -28,7 +29,8 @@ def folder(tmp_path_factory):
     assert stiff != text
     (path / "stiff.xml").write_text(stiff)
     arguments = ["--scenario", str(path / "coarse.toml"), "--arm", "default", str(path / "stiff.xml")]
-    assert main(["reach", *arguments, "--out", str(path / "out")]) == 0
+    parquet = ["--parquet"] if find_spec("pyarrow") else []
+    assert main(["reach", *arguments, *parquet, "--out", str(path / "out")]) == 0
     return path / "out"
 
 
@@ -71,21 +73,19 @@ def test_names_are_never_given_twice() -> None:
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
-    arguments, words, tmp_path, monkeypatch, capsys
+    arguments, words, small_ball, tmp_path, monkeypatch, capsys
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["reach", *arguments]) == 2
+    assert main(["reach", "--scenario", str(small_ball), *arguments]) == 2
     error = capsys.readouterr().err.strip()
     assert words in error
     assert "\n" not in error
     assert not list(tmp_path.iterdir())
 
 
-def test_parquet_holds_what_the_csv_does(tmp_path) -> None:
+def test_parquet_holds_what_the_csv_does(folder) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="Parquet comes with the extra `parquet`")
-    (tmp_path / "coarse.toml").write_text(COARSE)
-    out = tmp_path / "out"
-    assert main(["reach", "--scenario", str(tmp_path / "coarse.toml"), "--parquet", "--out", str(out)]) == 0
+    out = folder / "default"
     table = parquet.read_table(out / "reach.parquet").to_pylist()
     with (out / "reach.csv").open() as file:
         rows = list(csv.DictReader(file))

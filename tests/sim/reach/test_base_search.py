@@ -67,7 +67,7 @@ def test_a_moved_search_equals_that_of_a_rebuilt_scene(
     assert (search.meter.measure(q).organ_m != theirs.organ_m).any()  # the first search stays where it was
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     x_m=st.floats(-0.2, 0.3),
     y_m=st.floats(-0.4, 0.4),

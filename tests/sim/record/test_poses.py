@@ -71,7 +71,7 @@ def test_a_row_cut_short_is_left_out_and_a_broken_one_is_named(tmp_path) -> None
     assert len(read_poses(tmp_path / "nowhere")[0]) == 0
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-6.3, 6.3), min_size=1, max_size=20))
 def test_log_odds_in_a_byte_are_off_by_half_a_step_at_most(values) -> None:
     back = from_bytes(to_bytes(values))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from opened_page import Opened
+from opened_page import WAIT_MS, Opened
 from shared_runs import N_ARM_ACTIONS as ACTIONS
 
 
@@ -86,7 +86,7 @@ def test_the_keys_move_it_and_the_space_bar_plays(opened) -> None:
     page.locator("#slider").press("ArrowRight")
     assert opened.state["step"] == 1
     page.locator("#slider").press(" ")
-    page.wait_for_function(f"window.soundingReport.state.step === {ACTIONS}", timeout=60_000)
+    page.wait_for_function(f"window.soundingReport.state.step === {ACTIONS}")
 
 
 def test_a_click_on_a_curve_goes_to_its_action(opened) -> None:
@@ -130,10 +130,11 @@ def test_tables_and_curves_need_no_script(browser, report) -> None:
 
 def test_without_webgl_all_else_works(browser, report) -> None:
     context = browser.new_context()
+    context.set_default_timeout(WAIT_MS)
     page = context.new_page()
     page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
     page.goto(report.as_uri())
-    page.wait_for_function("window.soundingReport", timeout=60_000)
+    page.wait_for_function("window.soundingReport")
     assert "needs WebGL" in page.locator("#view").inner_text()
     page.locator("#slider").fill("2")
     assert page.locator("#number").inner_text() == f"2 of {ACTIONS}"

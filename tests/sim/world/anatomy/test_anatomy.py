@@ -33,10 +33,12 @@ def test_detection_points_are_500_in_each_tumour():
 def test_truth_is_what_lies_in_the_organ_and_in_a_tumour():
     protruding = ball((0.06, 0.0, 0.0), 0.02)
     anatomy = build_anatomy(ball((0, 0, 0), 0.065), (protruding,), name="edge", rng=rng())
-    points = rng().uniform(-0.09, 0.09, size=(20000, 3))
-    organ, tumour = ball((0, 0, 0), 0.065).to_trimesh(), protruding.to_trimesh()
-    assert np.array_equal(anatomy.is_tumour(points), organ.contains(points) & tumour.contains(points))
-    assert np.array_equal(anatomy.is_inside_organ(points), organ.contains(points))
+    points = rng().uniform(-0.09, 0.09, size=(5000, 3))
+    in_organ = ball((0, 0, 0), 0.065).to_trimesh().contains(points)
+    in_tumour = protruding.to_trimesh().contains(points)
+    assert min((in_organ & in_tumour).sum(), (in_tumour & ~in_organ).sum()) > 5
+    assert np.array_equal(anatomy.is_tumour(points), in_organ & in_tumour)
+    assert np.array_equal(anatomy.is_inside_organ(points), in_organ)
     assert anatomy.is_inside_organ(anatomy.detection_points_m).all()
 
 

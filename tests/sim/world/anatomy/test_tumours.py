@@ -47,7 +47,9 @@ def test_spheres_follow_the_papers_rule(organ):
 def test_spheres_have_the_volume_of_their_radius_and_lie_inside(organ):
     for tumour in plant_spheres(organ, 3, rng=np.random.default_rng(5)):
         assert tumour.volume_m3 == pytest.approx(4 / 3 * np.pi * (0.4 * UNIT_M) ** 3, rel=1e-9)
-        assert organ.to_trimesh().contains(tumour.vertices_m).all()
+        x, y, z = tumour.vertices_m.T / UNIT_M
+        assert np.abs([x, y]).max() < 3.0
+        assert ((z > organ.bounds_m[0, 2] / UNIT_M) & (z < surface_height(x, y))).all()
         assert tumour.to_trimesh().is_watertight
 
 

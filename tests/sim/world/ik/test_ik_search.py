@@ -149,7 +149,7 @@ def test_poses_of_free_configurations_are_all_solved(search, clearance, scene) -
     assert answers.is_reached.all(), [r.explain() for r in answers.results if not r.is_reached]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     position_m=st.tuples(st.floats(-0.9, 0.9), st.floats(-0.9, 0.9), st.floats(-0.1, 1.2)),
     normal=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)).filter(

@@ -103,13 +103,11 @@ def test_a_base_in_the_table_is_told_how_deep_and_what_to_change(ball_anatomy, c
 )
 @pytest.mark.parametrize("command", ["reach", "ik", "episode"])
 def test_a_base_without_room_is_one_line_and_exit_code_2(
-    command: str, base_mm, words: str, tmp_path, monkeypatch, capsys
+    command: str, base_mm, words: str, small_ball, tmp_path, monkeypatch, capsys
 ) -> None:
     monkeypatch.chdir(tmp_path)
     pose = ["--position-mm", "500", "0", "160"] if command == "ik" else []
-    if command == "episode" and "in the" in words:
-        pose = ["--scenario", "sphere"]
-    assert main([command, *pose, "--base-mm", *base_mm]) == 2
+    assert main([command, "--scenario", str(small_ball), *pose, "--base-mm", *base_mm]) == 2
     error = capsys.readouterr().err.strip()
     assert words in error
     assert "\n" not in error

@@ -132,7 +132,7 @@ def test_truncated_and_flipped_volumes_never_give_another_error(tmp_path, name):
     else:
         save_nifti(path, ball_labels(T, shape), T)
     content = path.read_bytes()
-    n_refused, start_s = 0, time.monotonic()
+    n_refused, start_s = 0, time.process_time()
     for trial in range(150):
         damaged = bytearray(content[: rng.integers(len(content))] if trial % 3 == 0 else content)
         for _ in range(rng.integers(1, 6)):
@@ -145,4 +145,6 @@ def test_truncated_and_flipped_volumes_never_give_another_error(tmp_path, name):
         except WorldError as error:
             n_refused += name in str(error)
     assert n_refused >= 40  # truncations at least
-    assert time.monotonic() - start_s < 120.0  # not a speed: a hang
+    assert (
+        time.process_time() - start_s < 120.0
+    )  # not a speed: no damage makes the reader work on without end

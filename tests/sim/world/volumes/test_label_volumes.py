@@ -35,7 +35,7 @@ def test_an_oblique_scan_lies_where_its_affine_says_and_is_remarked_on(tmp_path)
     assert any("oblique by" in notice for notice in loaded.notices)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(
     axis=st.tuples(*[st.floats(-2.0, 2.0)] * 3),
     spacing_mm=st.tuples(*[st.floats(2.0, 5.0)] * 3),

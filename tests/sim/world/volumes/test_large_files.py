@@ -66,7 +66,7 @@ def test_the_type_of_the_voxels_tells_nothing(tmp_path, sparse, dtype) -> None:
     assert volume.notices == ()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 9))
 def test_labels_gathered_in_parts_are_the_labels(seed, thickness) -> None:
     rng = np.random.default_rng(seed)
@@ -87,7 +87,7 @@ def test_labels_gathered_in_parts_are_the_labels(seed, thickness) -> None:
     assert counts == {int(each): int((labels == each).sum()) for each in np.unique(labels[labels > 0])}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1))
 def test_cavities_are_filled_as_scipy_fills_them(seed) -> None:
     rng = np.random.default_rng(seed)

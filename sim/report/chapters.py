@@ -226,7 +226,7 @@ def _space(record: RunRecord) -> dict[str, Any]:
 
 def _settings(record: RunRecord) -> list[dict[str, Any]]:
     """Everything that is needed to repeat the run, in groups."""
-    machine = {k: v for k, v in record.manifest.items() if k not in ("packages", "command")}
+    machine = {k: v for k, v in record.manifest.items() if k not in ("packages", "command", "files")}
     packages = record.manifest.get("packages", {})
     groups = [("Options", record.options), ("Scenario", record.scenario), ("Map", record.config.get("map", {})),
               ("Machine", machine), ("Packages", packages)]  # fmt: skip

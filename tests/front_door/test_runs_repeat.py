@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 from campaign_plugs import lay_out
-from sim.cli.flags import given_word
+from sim.cli.terminal import given_word
 
 import sounding
 from sim.cli.command_line import main, parse_command

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 from campaign_plugs import lay_out
-from sim.cli.terminal import given_word
 
 import sounding
 from sim.cli.command_line import main, parse_command
+from sim.cli.terminal import given_word
 from sim.episode.measures import ACTION_SECONDS
 from sim.errors import UsageError
 from sim.running.fields import default_of, field_names, flat, recorded
@@ -188,7 +188,10 @@ def test_a_word_is_found_however_it_is_written() -> None:
             '{"options": {"scenario": "liver", "arm": ["default"], "seed": 0}}',
             "is not the config.json of an episode.",
         ),
-        ('{"options": {"scenario": "liver", "planner": "random", "seed": "x"}}', "seed='x': a whole number."),
+        (
+            '{"options": {"scenario": "liver", "planner": "random", "seed": "x"}}',
+            "seed='x': must be a whole number.",
+        ),
         (
             '{"options": {"scenario": "liver", "planner": "random", "seed": 0, "zeal": 1}}',
             "unknown option 'zeal'.",
@@ -199,7 +202,7 @@ def test_a_word_is_found_however_it_is_written() -> None:
         ),
         (
             '{"options": {"scenario": "liver", "planner": "random", "seed": 0, "steps": 0}}',
-            "steps=0: from 1 to 14400.",
+            "steps=0: must be from 1 to 14400.",
         ),
     ],
 )

@@ -23,8 +23,9 @@ from tqdm import tqdm
 from mapping.storage import replacing
 from sim.episode.setup import build_setup
 from sim.running.fields import config_of, recorded
+from sim.running.output import output_of
 from sim.running.parts import make_parts
-from sim.running.run_episode import output_of, record_episode
+from sim.running.run_episode import record_episode
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "organs.md"
 BEGIN, END = "<!-- table of patients: begin -->", "<!-- table of patients: end -->"

@@ -19,8 +19,9 @@ from mapping import Prediction, precision_recall_curve
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
 from sim.running.fields import recorded
+from sim.running.output import Output
 from sim.running.parts import EpisodeParts, make_parts
-from sim.running.run_episode import Output, make_episode, record_episode
+from sim.running.run_episode import make_episode, record_episode
 from sim.running.summary import Totals, episode_summary
 
 from .journal import encoded

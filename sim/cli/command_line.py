@@ -52,10 +52,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except OSError as error:
         print(
-            f"sounding: {error.filename or 'file'}: {error.strerror}. What was written so far is kept.",
+            f"sounding: {_what_failed(error)}. What was written so far is kept.",
             file=sys.stderr,
         )
         return BAD_INPUT
+
+
+def _what_failed(error: OSError) -> str:
+    """The file and the reason of the system's error; the error's own words where it names neither."""
+    if error.strerror is None:
+        return f"{type(error).__name__}: {error}"
+    return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
 
 
 def parse_command(arguments: Sequence[str]) -> object:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.running.config import EpisodeConfig
-from sim.running.fields import read_config
+from sim.running.fields import read_config, without_options_of
 
 from .terminal import INTERRUPTED, aligned_lines, given_word, note, parse
 
@@ -46,7 +46,10 @@ def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
     """
     # Read first: options on the line need not go together without those of the file.
     path = given_word(arguments, "config")
-    default = None if path is None else read_config(Path(path))
+    default = None
+    if path is not None:
+        anew = [name for name in ("planner", "sensor", "map") if given_word(arguments, name) is not None]
+        default = without_options_of(read_config(Path(path)), anew)
     return parse(EpisodeConfig, arguments, prog=prog, default=default)
 
 
@@ -54,8 +57,9 @@ def run(options: EpisodeConfig) -> int:
     """Run the episode, print its results, and return the exit code."""
     # Imported here, since they import MuJoCo, which takes a second that --help need not wait for.
     from sim.running.config_file import recorded_config
+    from sim.running.output import output_of
     from sim.running.parts import make_parts
-    from sim.running.run_episode import output_of, record_episode
+    from sim.running.run_episode import record_episode
 
     parts = make_parts(options)
     try:

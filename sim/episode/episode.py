@@ -33,7 +33,7 @@ from .arm_motion import make_motion_model
 from .motion import Motion, MotionModel
 from .setup import Setup
 from .step import SkippedPose, Step
-from .target_belief import TargetBelief
+from .target_belief import TargetBelief, checked_prediction
 from .truth import Truth, make_truth
 
 
@@ -270,4 +270,4 @@ class Episode:
 
     def _predict(self) -> None:
         if self.tumour_map is not None:
-            self.prediction = self.tumour_map.predict_lattice()
+            self.prediction = checked_prediction(self.tumour_map, len(self.setup.search_points_m))

@@ -82,4 +82,28 @@ class TargetBelief:
 
     def _predict(self) -> None:
         if self.tumour_map is not None:
-            self.prediction = self.tumour_map.predict_lattice()
+            self.prediction = checked_prediction(self.tumour_map, len(self.truth.is_target))
+
+
+def checked_prediction(tumour_map: TumourMap, n_points: int) -> Prediction:
+    """What a map predicts on its lattice.
+
+    Args:
+        tumour_map: The map, which may be a user's own.
+        n_points: How many points of the lattice lie in the organ.
+
+    Raises:
+        ValueError: It is no prediction, or one of another number of points.
+    """
+    prediction, name = tumour_map.predict_lattice(), type(tumour_map).__name__
+    if not isinstance(prediction, Prediction):
+        raise ValueError(
+            f"{name}.predict_lattice returned a {type(prediction).__name__}; it must return a Prediction, for example "
+            "by Prediction.from_probability."
+        )
+    if len(prediction.latent_mean) != n_points:
+        raise ValueError(
+            f"{name}.predict_lattice returned {len(prediction.latent_mean)} values; it must return one for each of the "
+            f"{n_points} points of MapSpace.points_m."
+        )
+    return prediction

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sim.errors import FieldError
 
-from .case import metres
+from .case import MM, metres
 from .config import EpisodeConfig
 
 if TYPE_CHECKING:
@@ -59,3 +59,15 @@ def check_base(base_mm: tuple[float, float, float], base_yaw_deg: float) -> None
         raise FieldError("base_mm", shown, f"is below {METRES_MM:g} mm; was it given in metres?")
     if not math.isfinite(base_yaw_deg) or abs(base_yaw_deg) > 360.0:
         raise FieldError("base_yaw_deg", f"{base_yaw_deg:g}", "must be from -360 to 360 degrees.")
+
+
+def arm_fields(arm: ArmModel | str) -> dict[str, Any]:
+    """The fields of a configuration that name an arm and where it stands, by name."""
+    if isinstance(arm, str):
+        return {"arm": arm}
+    return {
+        "arm": str(arm.path),
+        "flange": arm.flange,
+        "base_mm": tuple(each / MM for each in arm.base_m),
+        "base_yaw_deg": math.degrees(arm.base_yaw_rad),
+    }

@@ -96,8 +96,9 @@ class AnatomyConfig:
     """Number of tumours to plant where no file holds any; by default that of the scenario, or 0 with your own organ."""
     target_name: str | None = None
     """Name of the second class; target by default."""
-    keepout_mm: float = 5.0
-    """Least distance of the sensing poses from structures near which the probe must not press [mm]."""
+    keepout_mm: float | None = None
+    """Least distance of the sensing poses from structures near which the probe must not press [mm]; by default that of
+    the scenario, 5."""
     organ_pose: tuple[str, ...] = ()
     """How the organ lies: anterior-up (on the table, the default), best (the way up that brings its largest surface
     within the arm's reach), three angles by which it is turned from anterior up about the world's x, y and z [degrees],
@@ -124,10 +125,11 @@ def scenario_changes(organ: Path | None, case: CaseConfig, anatomy: AnatomyConfi
             "name": organ.name.split(".")[0],
             "organ": LIVER,
             "files": case.files(organ),
-            "keepout_distance_m": anatomy.keepout_mm * MM,
             "n_tumours": anatomy.n_tumours or 0,
             "tumour_load": "fixed",
         }
+    if anatomy.keepout_mm is not None:
+        changes["keepout_distance_m"] = anatomy.keepout_mm * MM
     if anatomy.target_name is not None:
         changes["target_name"] = anatomy.target_name
     return changes

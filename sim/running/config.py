@@ -6,7 +6,8 @@ Fields are known by their own names, whatever group they stand in; `sim.running.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -212,6 +213,7 @@ class EpisodeConfig:
 
     def __post_init__(self) -> None:
         """Validate what the parts do not."""
+        self._check_finite()
         if not 1 <= self.steps <= 14_400:
             raise FieldError("steps", self.steps, "must be from 1 to 14400.")
         if self.until_sensed is not None and not 0.0 < self.until_sensed <= 1.0:
@@ -228,6 +230,14 @@ class EpisodeConfig:
                 "motion", "servo", "a free-flying probe has no servos. Name an arm, or leave `motion` out."
             )
         self.case.check(self.organ)
+
+    def _check_finite(self) -> None:
+        """Check that every number is finite, also those that this run has no use for."""
+        groups = [value for value in vars(self).values() if is_dataclass(value)]
+        for name, value in (item for owner in (self, *groups) for item in vars(owner).items()):
+            numbers = value if isinstance(value, tuple) else (value,)
+            if any(isinstance(each, float) and not math.isfinite(each) for each in numbers):
+                raise FieldError(name, value, "must be a finite number.")
 
     def _check_names(self) -> None:
         """Check that planner, sensor and map are known or brought along."""

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sim.episode.scenario import SCENARIOS
 from sim.episode.scenario_file import scenario_record
 from sim.episode.setup import Setup
 
 from .config import EpisodeConfig
-from .fields import recorded
+from .fields import OPTIONS_OF, recorded
 from .parts import EpisodeParts
 
 
-def run_config(parts: EpisodeParts, setup: Setup, options: Mapping[str, Any]) -> dict[str, Any]:
+def run_config(
+    parts: EpisodeParts, setup: Setup, options: Mapping[str, Any], cannot_repeat: Sequence[str] = ()
+) -> dict[str, Any]:
     """Everything that is needed to repeat a run: the options and what they stand for."""
     return {
         "options": dict(options),
+        **({"cannot_repeat": list(cannot_repeat)} if cannot_repeat else {}),
         "scenario": scenario_record(setup.scenario),
         "map": dataclasses.asdict(parts.map_settings),
         "insets": None if parts.insets is None else dataclasses.asdict(parts.insets),
@@ -33,10 +38,6 @@ def run_config(parts: EpisodeParts, setup: Setup, options: Mapping[str, Any]) ->
         "n_hinges": int(setup.hinge_mask.sum()),
         "n_search_points": len(setup.search_points_m),
     }
-
-
-OPTIONS_OF = {"planner": "planner_option", "sensor": "sensor_option", "map": "map_option"}
-"""The field that holds the options of what a user brings in the place of another."""
 
 
 def recorded_config(config: EpisodeConfig, brought: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -67,6 +68,45 @@ def option_words(thing: Any) -> list[str]:
         for name, value in values.items()
         if isinstance(value, bool | int | float | str) and value != defaults[name]
     ]
+
+
+def cannot_repeat(brought: Mapping[str, Any]) -> tuple[str, ...]:
+    """What config.json does not hold of objects that were given in memory, a sentence each; empty where it holds all.
+
+    Args:
+        brought: The objects, by the name of the field in whose place they stand.
+    """
+    told = []
+    for name, thing in brought.items():
+        if name == "scenario":
+            is_held = thing == SCENARIOS.get(thing.name)
+        elif dataclasses.is_dataclass(thing) and not isinstance(thing, type):
+            is_held = all(
+                _is_held(getattr(thing, field.name), _default_of(field))
+                for field in dataclasses.fields(thing)
+                if field.init
+            )
+        else:
+            is_held = isinstance(thing, type) or not inspect.signature(type(thing)).parameters
+        if not is_held or "<locals>" in text_of(thing):
+            told.append(
+                f"the {name} was made in memory by a script, with settings that the file does not hold"
+            )
+    return tuple(told)
+
+
+def _default_of(field: dataclasses.Field[Any]) -> Any:
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
+
+
+def _is_held(value: Any, default: Any) -> bool:
+    """Whether config.json holds a setting: it is a number or a text, or nobody changed it."""
+    if isinstance(value, bool | int | float | str):
+        return True
+    try:
+        return bool(value == default)
+    except ValueError:  # an array, which is equal to a default in parts
+        return False
 
 
 def text_of(thing: Any) -> str:

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +20,8 @@ ORDER = (
     *("mapping", "find_and_outline", "expected_improvement", "output"),
 )
 """The order of groups in a study's axes and columns, after the fields outside groups. Help has another."""
+OPTIONS_OF = {"planner": "planner_option", "sensor": "sensor_option", "map": "map_option"}
+"""The field that holds the options of what a user brings in the place of another."""
 OF_THE_CALL = ("config", "out", "overwrite")
 """Fields that say where a run comes from and goes to, and nothing about the run."""
 
@@ -118,10 +120,24 @@ def read_config(path: Path) -> EpisodeConfig:
     options = content.get("options") if isinstance(content, dict) else None
     if not (isinstance(options, dict) and {"scenario", "planner", "seed"} <= options.keys()):
         raise UsageError(f"{path}: is not the config.json of an episode. Name one that a run wrote.")
+    if isinstance(content, dict) and content.get("cannot_repeat"):
+        raise UsageError(
+            f"{path}: cannot be run again from the file: {'; '.join(content['cannot_repeat'])}. Run the script again."
+        )
     try:
         return config_of({name: value for name, value in options.items() if name not in OF_THE_CALL})
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from error
+
+
+def without_options_of(config: EpisodeConfig, names: Iterable[str]) -> EpisodeConfig:
+    """The configuration without the options of those planners, sensors and maps that others replace.
+
+    Args:
+        config: The configuration of an earlier run.
+        names: The fields that are given anew.
+    """
+    return changed(config, **{OPTIONS_OF[name]: () for name in names if name in OPTIONS_OF})
 
 
 def converted(name: str, value: Any) -> Any:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mapping import InsetSettings, MapSettings, TumourMapFactory, make_hilbert_map
-from planner import Planner, make_planner, planner_names
+from planner import Planner, PlannerError, make_planner, planner_names
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
@@ -18,6 +18,7 @@ from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 from .arm_place import arm_of
 from .case import MM, scenario_changes
 from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
+from .settings import in_fields, insets_of, map_settings_of, motion_settings_of, servo_settings_of
 
 if TYPE_CHECKING:
     from sim.world.scene.arm import ArmModel
@@ -79,6 +80,11 @@ def make_parts(
     Raises:
         UsageError, WorldError, PlannerError: Something cannot be made.
     """
+    for name, thing in (("planner", planner), ("sensor", sensor)):
+        if isinstance(thing, type):
+            raise UsageError(
+                f"`{name}`: {thing.__name__} is a class. Give an object of it, {thing.__name__}()."
+            )
     planner = planner or planner_of(config)
     settings = map_settings_of(config, planner)
     return EpisodeParts(
@@ -132,7 +138,10 @@ def scenario_of(config: EpisodeConfig, scenario: Scenario | None = None) -> Scen
         changes["cone_half_angle_rad"] = math.radians(config.sensing.cone_half_angle_deg)
     if config.sensing.cone_depth_mm is not None:
         changes["cone_depth_m"] = config.sensing.cone_depth_mm * MM
-    scenario = dataclasses.replace(scenario, **changes)
+    try:
+        scenario = dataclasses.replace(scenario, **changes)
+    except UsageError as error:
+        raise in_fields(config, error) from error
     if config.planning.plan_for == "target" and not scenario.has_target:
         raise FieldError(
             "plan_for",
@@ -153,6 +162,13 @@ def planner_of(config: EpisodeConfig) -> Planner:
     _refuse_options(
         "planner_option", config.planning.planner_option, f"planner of your own; {config.planner}"
     )
+    try:
+        return _named_planner(config)
+    except PlannerError as error:
+        raise in_fields(config, error) from error
+
+
+def _named_planner(config: EpisodeConfig) -> Planner:
     if config.planner == "find-and-outline":
         own = config.find_and_outline
         return make_planner(
@@ -188,70 +204,6 @@ def sensor_of(config: EpisodeConfig) -> Sensor:
     return _own(config.sensor, SENSOR, config.sensing.sensor_option)
 
 
-def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
-    """The map's settings: those that the planner prefers, unless the configuration names them.
-
-    Raises:
-        UsageError: A value is out of range.
-    """
-    own = config.mapping
-    settings = MapSettings.paper() if _map_name(config, planner) == "paper" else MapSettings()
-    changes: dict[str, Any] = {
-        "form": own.map_form,
-        "prior_prevalence": own.prior_prevalence,
-        "weight_variance": own.weight_variance,
-        "n_em_iterations": own.em_iterations,
-        "false_positive_rate": own.false_positive_rate,
-        "false_negative_rate": own.false_negative_rate,
-    }
-    try:
-        return dataclasses.replace(
-            settings, **{name: value for name, value in changes.items() if value is not None}
-        )
-    except ValueError as error:
-        raise UsageError(f"{error}.") from error
-
-
-def insets_of(config: EpisodeConfig, planner: Planner) -> InsetSettings | None:
-    """The settings of finer maps; None for no finer maps."""
-    wanted = config.mapping.map_insets
-    is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
-    return InsetSettings() if is_on else None
-
-
-def motion_settings_of(config: EpisodeConfig) -> MotionSettings:
-    """The speeds and times of the motion.
-
-    Raises:
-        UsageError: A value is out of range.
-    """
-    own = config.moving
-    try:
-        return MotionSettings(
-            joint_speed=own.joint_speed,
-            joint_acceleration=own.joint_acceleration,
-            tip_speed_m_s=own.tip_speed_mm_s * MM,
-            approach_speed_m_s=own.approach_speed_mm_s * MM,
-            sensing_s=own.sensing_s,
-        )
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-
-
-def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
-    """The settings of the simulated arm.
-
-    Raises:
-        UsageError: A value is out of range.
-    """
-    own = config.moving
-    changes = {} if own.stiffness_n_m is None else {"stiffness_n_m": own.stiffness_n_m}
-    try:
-        return ServoSettings(press_m=own.press_mm * MM, force_limit_n=own.force_limit_n, **changes)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
-
-
 def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     """What makes the map; None where no map is kept."""
     kept = config.mapping.map
@@ -265,10 +217,6 @@ def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     return make_hilbert_map if is_kept else None
 
 
-def _map_name(config: EpisodeConfig, planner: Planner) -> str:
-    return config.mapping.map_settings or planner.preferred_map
-
-
 def _own(text: str, kind: Any, words: tuple[str, ...]) -> Any:
     """What a user brings along by text, made with its options."""
     return make_plug(text, kind, parse_plug_options(words))
@@ -277,4 +225,4 @@ def _own(text: str, kind: Any, words: tuple[str, ...]) -> Any:
 def _refuse_options(field: str, words: tuple[str, ...], whose: str) -> None:
     """Refuse options of a plug where there is none."""
     if words:
-        raise FieldError(field, words, f"goes with a {whose} has options of their own names, if any.")
+        raise FieldError(field, words, f"goes only with a {whose} has no such options.")

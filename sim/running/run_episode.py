@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -30,15 +29,18 @@ from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion
 from sim.world.scene.rendering import SceneRenderer
 
-from .config import EpisodeConfig, Frames
-from .config_file import recorded_config, run_config
-from .fields import changed, read_config
+from .arm_place import arm_fields
+from .config import EpisodeConfig
+from .config_file import cannot_repeat, recorded_config, run_config
+from .fields import changed, read_config, without_options_of
+from .output import Output, output_of
 from .parts import EpisodeParts, make_parts
 from .summary import Totals, episode_summary
 
 if TYPE_CHECKING:
     from mapping import TumourMapFactory
     from sim.episode.scenario import Scenario
+    from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
 
 _MANY_SKIPPED = 100
@@ -49,25 +51,13 @@ _SKIPPED_NOTE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Output:
-    """What a run writes, and where."""
-
-    folder: Path
-    options: Mapping[str, Any]
-    """The configuration as plain data, which config.json keeps."""
-    frames: Frames = "none"
-    report: bool = True
-    overwrite: bool = False
-    """Whether a run that the folder already holds is replaced."""
-
-
 def run_episode(
     *,
     scenario: Scenario | str | None = None,
     planner: Planner | str | None = None,
     sensor: Sensor | str | None = None,
     tumour_map: TumourMapFactory | str | None = None,
+    arm: ArmModel | str | None = None,
     config: Path | str | None = None,
     show_progress: bool = True,
     **options: Any,
@@ -81,6 +71,7 @@ def run_episode(
         sensor: A sensor, or the text that names one; by default `cone`.
         tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` (the default)
             or `when-needed`.
+        arm: An arm where it stands, or the text that names one; by default the embedded one.
         config: The config.json of an earlier run, which is run again; what is given beside it takes precedence.
         show_progress: Draw a progress bar and print notes on stderr.
         options: All other fields of an `EpisodeConfig` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
@@ -95,8 +86,12 @@ def run_episode(
     given = {"scenario": scenario, "planner": planner, "sensor": sensor, "map": tumour_map}
     named = {name: value for name, value in given.items() if isinstance(value, str)}
     brought = {name: value for name, value in given.items() if name not in named and value is not None}
-    base = EpisodeConfig() if config is None else read_config(Path(config))
-    run = changed(base, **named, **options)
+    base = (
+        EpisodeConfig()
+        if config is None
+        else without_options_of(read_config(Path(config)), [*named, *brought])
+    )
+    run = changed(base, **named, **(options if arm is None else options | arm_fields(arm)))
     parts = make_parts(
         run,
         scenario=brought.get("scenario"),
@@ -106,19 +101,8 @@ def run_episode(
     )
     record = recorded_config(run, brought)
     parts = replace(parts, names=parts.names | {"planner": record["planner"]})
-    return record_episode(parts, output_of(run, parts, record), show_progress=show_progress)
-
-
-def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:
-    """What a configuration writes, and where: by default to a folder that is named by scenario, planner and seed."""
-    planner = str(parts.names["planner"]).rpartition(":")[2]
-    return Output(
-        folder=config.out or Path("renders") / f"{parts.scenario.name}-{planner}-{config.seed}",
-        options=options,
-        frames=config.frames,
-        report=config.output.report,
-        overwrite=config.output.overwrite,
-    )
+    output = replace(output_of(run, parts, record), cannot_repeat=cannot_repeat(brought))
+    return record_episode(parts, output, show_progress=show_progress)
 
 
 def make_episode(
@@ -181,7 +165,7 @@ def record_episode(
         if output.frames != "none":
             renderer = stack.enter_context(SceneRenderer(episode.truth.scene))
         folder = stack.enter_context(RunFolder(output.folder, overwrite=output.overwrite))
-        folder.begin(run_config(parts, setup, output.options), {"seed": parts.seed})
+        folder.begin(run_config(parts, setup, output.options, output.cannot_repeat), {"seed": parts.seed})
         write_anatomy(folder, episode.truth.anatomy)
         for notice in (*setup.notices, *episode.truth.anatomy.notices) if show_progress else ():
             notify(notice)
@@ -215,8 +199,16 @@ class _EpisodeRun:
             write_motion(self._folder, len(self._totals.steps) + 1, error.motion)
             raise
         finally:
-            summary = self._finish(setup_s, start_s)
+            summary = self._finish_or_fail(setup_s, start_s)
         return summary
+
+    def _finish_or_fail(self, setup_s: float, start_s: float) -> dict[str, Any]:
+        """Write what remains to be written; where that fails, for example in a user's own map, the run has failed."""
+        try:
+            return self._finish(setup_s, start_s)
+        except BaseException:
+            self._folder.finish("failed")
+            raise
 
     def _sense(self, interrupt: NotedInterrupt, *, show_progress: bool) -> None:
         parts, draws_each = self._parts, self._output.frames == "each"

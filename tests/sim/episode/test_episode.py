@@ -16,8 +16,9 @@ from sim.episode.positioner import Positioner
 from sim.episode.setup import Setup
 from sim.errors import UsageError
 from sim.running.fields import config_of, recorded
+from sim.running.output import Output
 from sim.running.parts import make_parts
-from sim.running.run_episode import Output, record_episode
+from sim.running.run_episode import record_episode
 from sim.world.ik.result import IkResult, IkStatus
 
 PAPER_MAP = MapSettings.paper()

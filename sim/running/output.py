@@ -1,0 +1,38 @@
+"""What a run writes, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .config import EpisodeConfig, Frames
+from .parts import EpisodeParts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """What a run writes, and where."""
+
+    folder: Path
+    options: Mapping[str, Any]
+    """The configuration as plain data, which config.json keeps."""
+    frames: Frames = "none"
+    report: bool = True
+    cannot_repeat: tuple[str, ...] = ()
+    """What the run was given in memory and config.json does not hold, a sentence each."""
+    overwrite: bool = False
+    """Whether a run that the folder already holds is replaced."""
+
+
+def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:
+    """What a configuration writes, and where: by default to a folder that is named by scenario, planner and seed."""
+    planner = str(parts.names["planner"]).rpartition(":")[2]
+    return Output(
+        folder=config.out or Path("renders") / f"{parts.scenario.name}-{planner}-{config.seed}",
+        options=options,
+        frames=config.frames,
+        report=config.output.report,
+        overwrite=config.output.overwrite,
+    )

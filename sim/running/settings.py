@@ -1,0 +1,122 @@
+"""The settings of an episode's parts from its configuration, and errors of parts in the fields that people set."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from typing import Any, get_args
+
+from mapping import InsetSettings, MapSettings
+from planner import Planner
+from sim.errors import FieldError, UsageError
+from sim.world.motion.settings import MotionSettings, ServoSettings
+
+from .case import MM
+from .config import EpisodeConfig, MapName
+from .fields import value_of
+
+FIELD_OF = {
+    "sure_radius_m": "sure_radius_mm",
+    "threshold_rad": "ei_threshold_deg",
+    "exclusion_share": "ei_exclusion_share",
+    "travel_weight": "travel_weight",
+    "batch": "batch",
+    "n_em_iterations": "em_iterations",
+    "prior_prevalence": "prior_prevalence",
+    "weight_variance": "weight_variance",
+    "false_positive_rate": "false_positive_rate",
+    "tip_speed_m_s": "tip_speed_mm_s",
+    "approach_speed_m_s": "approach_speed_mm_s",
+    "joint_speed": "joint_speed",
+    "joint_acceleration": "joint_acceleration",
+    "sensing_s": "sensing_s",
+    "press_m": "press_mm",
+    "stiffness_n_m": "stiffness_n_m",
+    "force_limit_n": "force_limit_n",
+    "cone half-angle": "cone_half_angle_deg",
+    "cone_depth_m": "cone_depth_mm",
+    "n_tumours": "n_tumours",
+    "keepout_distance_m": "keepout_mm",
+}
+"""The field that people set, by the setting of a part that it becomes, for errors."""
+
+
+def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
+    """The map's settings: those that the planner prefers, unless the configuration names them.
+
+    Raises:
+        UsageError: A value is out of range.
+    """
+    own = config.mapping
+    settings = MapSettings.paper() if _map_name(config, planner) == "paper" else MapSettings()
+    changes: dict[str, Any] = {
+        "form": own.map_form,
+        "prior_prevalence": own.prior_prevalence,
+        "weight_variance": own.weight_variance,
+        "n_em_iterations": own.em_iterations,
+        "false_positive_rate": own.false_positive_rate,
+        "false_negative_rate": own.false_negative_rate,
+    }
+    try:
+        return dataclasses.replace(
+            settings, **{name: value for name, value in changes.items() if value is not None}
+        )
+    except ValueError as error:
+        raise in_fields(config, error) from error
+
+
+def insets_of(config: EpisodeConfig, planner: Planner) -> InsetSettings | None:
+    """The settings of finer maps; None for no finer maps."""
+    wanted = config.mapping.map_insets
+    is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
+    return InsetSettings() if is_on else None
+
+
+def motion_settings_of(config: EpisodeConfig) -> MotionSettings:
+    """The speeds and times of the motion.
+
+    Raises:
+        UsageError: A value is out of range.
+    """
+    own = config.moving
+    try:
+        return MotionSettings(
+            joint_speed=own.joint_speed,
+            joint_acceleration=own.joint_acceleration,
+            tip_speed_m_s=own.tip_speed_mm_s * MM,
+            approach_speed_m_s=own.approach_speed_mm_s * MM,
+            sensing_s=own.sensing_s,
+        )
+    except ValueError as error:
+        raise in_fields(config, error) from error
+
+
+def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
+    """The settings of the simulated arm.
+
+    Raises:
+        UsageError: A value is out of range.
+    """
+    own = config.moving
+    changes = {} if own.stiffness_n_m is None else {"stiffness_n_m": own.stiffness_n_m}
+    try:
+        return ServoSettings(press_m=own.press_mm * MM, force_limit_n=own.force_limit_n, **changes)
+    except ValueError as error:
+        raise in_fields(config, error) from error
+
+
+def _map_name(config: EpisodeConfig, planner: Planner) -> str:
+    name = config.mapping.map_settings or planner.preferred_map
+    if name not in get_args(MapName):
+        raise UsageError(
+            f"{type(planner).__name__}.preferred_map is {name!r}; it must be {' or '.join(get_args(MapName))}."
+        )
+    return name
+
+
+def in_fields(config: EpisodeConfig, error: Exception) -> Exception:
+    """An error of a part that names the part's own setting, as one that names the field that people set."""
+    for part, field in FIELD_OF.items():
+        if re.search(rf"(?<!\w){part}(?!\w)", str(error)):
+            return FieldError(field, value_of(config, field), f"{str(error).rstrip('.')}.")
+    return UsageError(f"{str(error).rstrip('.')}.")

@@ -105,5 +105,5 @@ def forecast_text(study: Study, forecasts: Sequence[Forecast], *, n_jobs: int) -
             f"(from the first {len(forecasts)} combinations; the others are taken to be like their mean)"
         )
     if any(forecast.trial.config.until_sensed is not None for forecast in forecasts):
-        lines.append("Trials that stop when enough was sensed take far less.")
+        lines.append("Trials that stop when enough was sensed take far less time.")
     return "\n".join(lines)

@@ -218,8 +218,9 @@ def _in_words(kind: Any) -> str:
 
 def leaf_fields(owner: type[Any]) -> Iterator[str]:
     """The names of all fields of a configuration's class, with those of groups in their place."""
+    kinds = typing.get_type_hints(owner)
     for field in dataclasses.fields(owner):
-        kind = typing.get_type_hints(owner)[field.name]
+        kind = kinds[field.name]
         if dataclasses.is_dataclass(kind):
             assert isinstance(kind, type)
             yield from leaf_fields(kind)

@@ -1,4 +1,4 @@
-"""The rehearsal: it saves time and changes nothing."""
+"""Looking ahead saves time and changes nothing."""
 
 from __future__ import annotations
 

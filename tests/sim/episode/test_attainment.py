@@ -10,7 +10,7 @@ from sim.episode.positioner import Positioner
 from sim.world.ik.result import IkResult, IkStatus
 
 
-class PickyCarrier(Positioner):
+class PickyPositioner(Positioner):
     """Reaches every pose but some, and counts how often it was asked."""
 
     def __init__(self, unreachable: set[int]) -> None:
@@ -54,14 +54,14 @@ def test_attainable_is_the_union_over_reachable_poses_with_few_questions(cone) -
     points_m = 1.0 + rng.uniform([-0.1, -0.1, -0.12], [0.1, 0.1, 0.0], (500, 3))
     sees = visibility(workspace, cone, points_m)
     unreachable = set(rng.choice(1400, 210, replace=False).tolist())
-    positioner = PickyCarrier(unreachable)
+    positioner = PickyPositioner(unreachable)
     reachable = [pose for pose in range(1400) if pose not in unreachable]
     assert np.array_equal(attainable(workspace, cone, points_m, positioner), sees[:, reachable].any(axis=1))
     assert len(positioner.asked) == len(set(positioner.asked)) < 200
 
 
 def test_nothing_is_attainable_for_an_arm_that_reaches_nothing(cone) -> None:
-    positioner = PickyCarrier(set(range(1200)))
+    positioner = PickyPositioner(set(range(1200)))
     workspace = random_workspace(np.random.default_rng(2), 1200)
     points_m = workspace.positions_m[:50] + 0.01 * workspace.normals[:50]
     assert not attainable(workspace, cone, points_m, positioner, max_failures=7).any()

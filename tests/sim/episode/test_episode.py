@@ -29,7 +29,7 @@ def run(setup: Setup, planner: Planner, *, seed: int = 0, n: int = 5, **more) ->
     return episode, list(episode.steps(n))
 
 
-def test_the_stage_is_the_papers(sphere_setup) -> None:
+def test_the_setup_is_the_papers(sphere_setup) -> None:
     assert sphere_setup.workspace.n_poses == 14_400
     assert int(sphere_setup.hinge_mask.sum()) == 2_890
     assert sphere_setup.query.n_points == 6_292

@@ -190,7 +190,7 @@ def test_trees_find_the_gap_in_a_wall_and_say_when_there_is_none() -> None:
     assert connect_trees(start, end, lambda a, b: is_free(a, b, gap=0.0), samples) is None
 
 
-class BlockedMover(MotionModel):
+class BlockedMotion(MotionModel):
     """Finds no way to some poses."""
 
     def __init__(self, motion_model: MotionModel, is_blocked: set[int]) -> None:
@@ -211,7 +211,7 @@ def test_a_pose_without_a_path_is_skipped_with_the_pair(sphere_setup) -> None:
         def rank(self, situation):
             return iter(pose for pose in range(4) if situation.available(exclude_sensed=True)[pose])
 
-    motion_model = BlockedMover(make_motion_model(sphere_setup), {0, 2})
+    motion_model = BlockedMotion(make_motion_model(sphere_setup), {0, 2})
     episode = Episode(
         sphere_setup, Listed(), seed=0, motion_model=motion_model, sensing_s=1.5, tumour_map=None
     )

@@ -77,7 +77,7 @@ class Setup:
     surface_distance_m: NDArray[np.float64]
     """Their distance to the organ's surface, shape (M,) [m]."""
     notices: tuple[str, ...] = ()
-    """What was repaired or is unusual about the files."""
+    """What was repaired or is unusual about the files, the arm's among them."""
 
 
 def build_setup(
@@ -133,7 +133,7 @@ def build_setup(
         search_points_m=search_points_m,
         is_visible=visible_points(workspace, cone, search_points_m),
         surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
-        notices=notices,
+        notices=(*notices, *scene.notices),
     )
 
 

@@ -20,6 +20,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .body_tree import joints_above
+
 MAX_TOLD = 3
 """Most couplings that are written out in one message."""
 N_CONFIGURATIONS = 5
@@ -52,10 +54,7 @@ class _Chain:
 
     def __init__(self, model: mujoco.MjModel, flange_body: int) -> None:
         self._model = model
-        self.joints: set[int] = set()
-        for body in _bodies_above(model, flange_body):
-            first = int(model.body_jntadr[body])
-            self.joints.update(range(first, first + int(model.body_jntnum[body])))
+        self.joints = set(joints_above(model, flange_body))
 
     def moves_apart(self, bodies: Iterable[int]) -> bool:
         """Whether a joint of the chain moves some of these bodies against the others."""
@@ -63,13 +62,7 @@ class _Chain:
 
     def _n_joints_above(self, body: int) -> int:
         """How many joints of the chain move a body; bodies of one number move as one with the chain."""
-        return sum(
-            int(joint) in self.joints
-            for each in _bodies_above(self._model, body)
-            for joint in range(
-                self._model.body_jntadr[each], self._model.body_jntadr[each] + self._model.body_jntnum[each]
-            )
-        )
+        return len(self.joints.intersection(joints_above(self._model, body)))
 
 
 def _equalities(model: mujoco.MjModel, chain: _Chain) -> Iterator[str]:
@@ -154,13 +147,6 @@ def _moments(model: mujoco.MjModel) -> NDArray[np.float64]:
             at, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
         )
     return moments
-
-
-def _bodies_above(model: mujoco.MjModel, body: int) -> Iterator[int]:
-    """A body and those it hangs from, without the world."""
-    while body != 0:
-        yield body
-        body = int(model.body_parentid[body])
 
 
 def _title(kind: str, name: str) -> str:

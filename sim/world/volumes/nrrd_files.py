@@ -64,7 +64,8 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
     space = str(header.get("space", "")).lower().replace(" ", "-")
     if space not in LPS_SIGNS:
         notices.append(
-            "the header names no patient axes that are known; LPS is assumed: check left and right"
+            "the header names no patient axes that are known; LPS is assumed, as in ITK and 3D Slicer, so that the map "
+            "will lie on the scan there: check left and right"
         )
     flip = np.diag(np.array(LPS_SIGNS.get(space, (1, 1, 1)), dtype=np.float64))
     unit = METRES_PER_UNIT.get(str((header.get("space units") or ["mm"])[0]), 1e-3)
@@ -82,9 +83,24 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
             notices.append(
                 "the header gives no spacing; 1 mm is assumed: pass `spacing_mm` X Y Z if it is not"
             )
+        T[:3, 3] = flip @ _first_voxel(header, spacings) * unit
+        return T, notices
     origin = np.asarray(header.get("space origin", np.zeros(3)), dtype=np.float64)
     T[:3, 3] = flip @ origin * unit
     return T, notices
+
+
+def _first_voxel(header: dict[str, Any], spacings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where the middle of the first voxel lies in a header without directions, in its unit, shape (3,)."""
+    if header.get("space origin") is not None:
+        return np.asarray(header["space origin"], dtype=np.float64)
+    lows = header.get("axis mins", header.get("axismins"))
+    if lows is None or not np.isfinite(lows[:3]).all():
+        return np.zeros(3)
+    # A cell begins half a step before its middle; a node is its own middle. Without a word they are cells.
+    kinds = [str(kind).lower() for kind in header.get("centerings", ())] + ["cell"] * 3
+    is_cell = np.array([kind != "node" for kind in kinds[:3]])
+    return np.asarray(lows, dtype=np.float64)[:3] + np.where(is_cell, 0.5 * spacings, 0.0)
 
 
 def _segment_names(header: dict[str, Any]) -> dict[int, str]:

@@ -17,7 +17,8 @@ from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.meshes import load_mesh, load_surface, remarks_on_size
 from sim.world.solids.solid import Solid
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_coding import CODINGS, Coding, coding_of
+from sim.world.volumes.label_coding import CODINGS, Coding
+from sim.world.volumes.label_meaning import coding_of
 from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
 from sim.world.volumes.masks import box_of, label_pieces
 from sim.world.volumes.volume import Volume, shifted

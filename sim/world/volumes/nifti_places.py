@@ -89,16 +89,18 @@ def remarks_on_place(header: Any, affine: Affine, shape: tuple[int, ...], *, uni
     def place(T: Affine | None) -> Place | None:
         return None if T is None else Place(affine=np.diag([unit_mm] * 3 + [1.0]) @ T, shape=shape[:3])
 
-    (sform, s_code), (qform, q_code) = header.get_sform(coded=True), _qform(header)
+    s_code, (qform, q_code) = int(header["sform_code"]), _qform(header)
     followed, by_qform, by_itk = place(affine), place(qform), place(itk_affine(header))
     assert followed is not None
     if not s_code and not q_code:
         return _without_code(followed, by_itk)
     if s_code and by_qform is not None and followed.apart_mm(by_qform) > SAME_MM:
         is_on_scan = by_itk is not None and by_itk.apart_mm(followed) <= SAME_MM
-        return [_two_answers(followed, by_qform, (int(s_code), q_code), is_on_scan=is_on_scan)]
+        return [_two_answers(followed, by_qform, (s_code, q_code), is_on_scan=is_on_scan)]
     if by_itk is None:
-        return ["the axes of its sform are not at right angles, as ITK wants them; they are followed, as in nibabel"]
+        return [
+            "the axes of its sform are not at right angles, as ITK wants them; they are followed, as in nibabel"
+        ]
     if by_itk.apart_mm(followed) > SAME_MM:
         return [_other_spacings(followed, by_itk)]
     return []

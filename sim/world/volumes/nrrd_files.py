@@ -14,9 +14,13 @@ from nrrd.reader import _determine_datatype
 from numpy.typing import NDArray
 
 from .grid import METRES_PER_UNIT, Grid
+from .label_names import decoded, segment_names
 
 CHUNK_BYTES = 1 << 20
 """Packed bytes that are read at once."""
+
+MOST_HEADER_BYTES = 16 << 20
+"""No header is longer: thousands of segments take some hundred bytes each."""
 
 LPS_SIGNS = {
     "left-posterior-superior": (1, 1, 1),
@@ -36,7 +40,7 @@ def read_nrrd(path: Path) -> Grid:
         ValueError: The header lacks a field, or contradicts itself. pynrrd raises errors of its own on others.
     """
     with path.open("rb") as file:
-        header = nrrd.read_header(file)
+        header = nrrd.read_header(_header_lines(file))
         start = file.tell()
     missing = [key for key in ("dimension", "type", "encoding", "sizes") if key not in header]
     if missing:
@@ -53,9 +57,28 @@ def read_nrrd(path: Path) -> Grid:
         T_lps_voxel=T,
         layers=lambda n: _parts(np.frombuffer(_payload(path, header, start, n_bytes), dtype), shape, n),
         notices=notices,
-        label_names=_segment_names(header),
+        label_names=segment_names(header),
         is_compressed=str(header["encoding"]).lower() not in ("raw",),
     )
+
+
+def _header_lines(file: BinaryIO) -> list[str]:
+    """The lines of a header up to the blank one that ends it, where the file is then left.
+
+    Raises:
+        ValueError: The first line is not that of an NRRD file, or the header does not end.
+    """
+    lines = [decoded(file.readline(MOST_HEADER_BYTES))]
+    if not lines[0].startswith("NRRD"):
+        raise ValueError("the first bytes are not those of an NRRD header")
+    n_bytes = 0
+    while lines[-1].strip():
+        line = file.readline(MOST_HEADER_BYTES)
+        n_bytes += len(line)
+        if n_bytes >= MOST_HEADER_BYTES:
+            raise ValueError(f"the header does not end within {MOST_HEADER_BYTES:,} bytes")
+        lines.append(decoded(line))
+    return lines
 
 
 def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], list[str]]:
@@ -101,18 +124,6 @@ def _first_voxel(header: dict[str, Any], spacings: NDArray[np.float64]) -> NDArr
     kinds = [str(kind).lower() for kind in header.get("centerings", ())] + ["cell"] * 3
     is_cell = np.array([kind != "node" for kind in kinds[:3]])
     return np.asarray(lows, dtype=np.float64)[:3] + np.where(is_cell, 0.5 * spacings, 0.0)
-
-
-def _segment_names(header: dict[str, Any]) -> dict[int, str]:
-    """The names that 3D Slicer gives the labels in a .seg.nrrd."""
-    names = {}
-    for index in range(1000):
-        name, value = header.get(f"Segment{index}_Name"), header.get(f"Segment{index}_LabelValue")
-        if name is None:
-            break
-        if value is not None and str(value).isdecimal():
-            names[int(value)] = str(name)
-    return names
 
 
 def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:

@@ -41,6 +41,10 @@ class Volume:
     notices: tuple[str, ...] = ()
     label_names: Mapping[int, str] = field(default_factory=dict)
 
+    def label_text(self, label: int) -> str:
+        """A label with its name, if the file gives it one."""
+        return f"{label} {self.label_names[label]!r}" if label in self.label_names else str(label)
+
     @property
     def spacing_m(self) -> NDArray[np.float64]:
         """Distance between neighbouring voxels along each axis [m], shape (3,)."""

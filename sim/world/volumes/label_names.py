@@ -8,16 +8,6 @@ from typing import Any
 MOST_SEGMENTS = 1000
 
 
-def decoded(content: bytes) -> str:
-    """A text as UTF-8, or where it is none as Western European, in which every byte is a letter."""
-    for encoding in ("utf-8-sig", "cp1252"):
-        try:
-            return content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-    return content.decode("latin-1")
-
-
 def segment_names(header: Mapping[str, Any]) -> dict[int, str]:
     """The names that 3D Slicer gives the labels in a .seg.nrrd."""
     names = {}

@@ -13,8 +13,10 @@ import numpy as np
 from nrrd.reader import _determine_datatype
 from numpy.typing import NDArray
 
+from sim.world.text import decoded
+
 from .grid import METRES_PER_UNIT, Grid
-from .label_names import decoded, segment_names
+from .label_names import segment_names
 
 CHUNK_BYTES = 1 << 20
 """Packed bytes that are read at once."""

@@ -189,8 +189,8 @@ class Episode:
     ) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
         """The first pose of the ranking that the probe could be brought to, those skipped, seconds of IK and of motion.
 
-        A pose to which there is no way now has none later either: the arm can always go back to where it is now. The way
-        to a pose that was missed was gone all the same, and is part of the motion to the one that is had.
+        A pose to which there is no way now has none later either: the arm can always go back to where it is now. The
+        way to a pose that was missed was gone all the same, and is part of the motion to the one that is had.
         """
         skipped: list[SkippedPose] = []
         motions: list[Motion] = []

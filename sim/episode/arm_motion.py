@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from sim.world.motion.arrival import Arrival
 from sim.world.motion.contact_surface import ContactSurface
+from sim.world.motion.curve import length, through
 from sim.world.motion.joint_limits import JointLimits, is_embedded
 from sim.world.motion.path_check import PathCheck
 from sim.world.motion.path_search import PathSearch
 from sim.world.motion.servo import ServoArm, ServoRun
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
-from sim.world.motion.timing import PathTimer, Trajectory
+from sim.world.motion.timing import STILL, PathTimer, Trajectory
 
 from .motion import JumpMotion, Motion, MotionModel, Phase, ProcedureStoppedError, blocked, joint_travel_rad
 from .positioner import ArmPositioner
@@ -24,6 +26,8 @@ from .travel import Travel
 
 RECORD_DT_S = 0.01
 """States are recorded at least this often."""
+STATES_BACK = 5
+"""An arm that strayed looks at every so many of its states for one from which a transfer may begin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,7 @@ class PathMotion(MotionModel):
         self._chain = positioner.search.chain
         self._lines: dict[int, Trajectory] = {}
         self._last: int | None = None
+        self._way_back: NDArray[np.float64] | None = None
         self._dt_s, self._press_m = RECORD_DT_S, 0.0
 
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
@@ -79,7 +84,9 @@ class PathMotion(MotionModel):
         if isinstance(plan, str):
             return blocked(plan)
         motion = self._follow(data, plan)
-        self._last = pose
+        self._last, self._way_back = pose, None
+        if not motion.is_done:
+            self._last, self._way_back = None, self._way_back_of(motion.states)
         return motion
 
     def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
@@ -100,13 +107,9 @@ class PathMotion(MotionModel):
         down = self._descent(pose)
         if isinstance(down, str):
             return down
-        parts: list[tuple[Phase, Trajectory]] = []
-        if self._last is None:
-            start_q = self._chain.home
-        else:
-            up = self._lines[self._last].reversed()
-            parts.append((Phase.LIFT, up))
-            start_q = up.q[-1]
+        up = self._ascent()
+        start_q = self._chain.home if up is None else up.q[-1]
+        parts: list[tuple[Phase, Trajectory]] = [] if up is None else [(Phase.LIFT, up)]
         if self._last is not None or self._paths.is_free_at(start_q):
             path = self._paths.transfer(start_q, down.q[0])
             if not path.is_free:
@@ -114,6 +117,28 @@ class PathMotion(MotionModel):
             speed = self._settings.tip_speed_m_s
             parts += [(Phase.TRANSFER, self._timed(curve, speed)) for curve in path.curves]
         return Plan.of([*parts, (Phase.DESCEND, down)])
+
+    def _ascent(self) -> Trajectory | None:
+        """The timed way from where the arm is to where it moves freely, or None where it has not moved yet."""
+        if self._last is not None:
+            return self._lines[self._last].reversed()
+        if self._way_back is None:
+            return None
+        if length(self._way_back) <= STILL:
+            return Trajectory(np.zeros(1), self._way_back[-1:], np.zeros_like(self._way_back[-1:]))
+        return self._timed(through(self._way_back), self._settings.approach_speed_m_s)
+
+    def _way_back_of(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Configurations by which an arm that strayed goes back the way that it came, to where a transfer may begin.
+
+        Args:
+            states: Those that it went through, of the whole scene, shape (T, nq).
+        """
+        q = np.clip(states[:, self._chain.columns], self._chain.low, self._chain.high)
+        for last in range(len(q) - 1, -1, -STATES_BACK):
+            if self._paths.is_lifted_at(q[last]):
+                return q[last:][::-1]
+        return q[::-1]
 
     def _descent(self, pose: int) -> Trajectory | str:
         """The timed way from the stand-off down to a pose, or why there is none."""
@@ -166,17 +191,19 @@ class ServoMotion(PathMotion):
         phases = np.where(rows >= n_moving, int(Phase.HOLD), plan.phases[phase_rows]).astype(np.int8)
         data.qpos[:] = run.states[-1]
         mujoco.mj_fwdPosition(data.model, data)
-        error_m, error_rad = self._tracking_errors(run.states[-1], q[rows[-1]])
+        ends_q = np.stack([run.states[-1][self._chain.columns], q[rows[-1]]])
+        arrival = Arrival.of(self._chain.forward(ends_q), press_m=self._press_m)
         motion = Motion(
             time_s=time_s[rows],
             states=run.states,
             tips_m=run.tips_m,
             phases=phases,
             joint_travel_rad=joint_travel_rad(data.model, run.states),
-            tracking_error_m=error_m,
-            tracking_error_rad=error_rad,
+            tracking_error_m=arrival.error_m,
+            tracking_error_rad=arrival.error_rad,
             contact_force_n=float(run.force_n[-1]),
             peak_force_n=run.peak_force_n,
+            reason=self._reason(run, arrival),
         )
         if run.is_stopped:
             raise ProcedureStoppedError(self._why_stopped(run), motion)
@@ -197,14 +224,13 @@ class ServoMotion(PathMotion):
         speed[n_moving:] = 0.0
         return time_s, q, speed, n_moving
 
-    def _tracking_errors(
-        self, state: NDArray[np.float64], sent_q: NDArray[np.float64]
-    ) -> tuple[float, float]:
-        """The distance of the tip [m] and the angle of the beam [rad] from where they were sent."""
-        there = self._chain.forward(np.stack([state[self._chain.columns], sent_q]))
-        cosine = float(np.clip(there.beams[0] @ there.beams[1], -1.0, 1.0))
-        sine = float(np.linalg.norm(np.cross(there.beams[0], there.beams[1])))
-        return float(np.linalg.norm(there.tips_m[0] - there.tips_m[1])), float(np.arctan2(sine, cosine))
+    def _reason(self, run: ServoRun, arrival: Arrival) -> str:
+        """Why the pose was missed; empty where it was not, or where the arm stopped."""
+        if run.is_stopped:
+            return ""
+        if run.is_unstable:
+            return "The simulated arm became unstable; its masses, or the stiffness of its joints, are far apart."
+        return "" if arrival.is_there else arrival.reason()
 
     def _why_stopped(self, run: ServoRun) -> str:
         x_mm, y_mm, z_mm = 1e3 * run.tips_m[-1]

@@ -30,7 +30,7 @@ from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
 from .arm_motion import make_motion_model
-from .motion import Motion, MotionModel
+from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
 from .step import SkippedPose, Step
 from .target_belief import TargetBelief, checked_prediction
@@ -189,9 +189,11 @@ class Episode:
     ) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
         """The first pose of the ranking that the probe could be brought to, those skipped, seconds of IK and of motion.
 
-        A pose to which there is no way now has none later either: the arm can always go back to where it is now.
+        A pose to which there is no way now has none later either: the arm can always go back to where it is now. The
+        way to a pose that was missed was gone all the same, and is part of the motion to the one that is had.
         """
         skipped: list[SkippedPose] = []
+        motions: list[Motion] = []
         ik_s = move_s = 0.0
         for pose in self.planner.rank(self._situation()):
             start_s = perf_counter()
@@ -200,7 +202,7 @@ class Episode:
             ik_s += reached_s - start_s
             reason = answer.explain()
             if answer.is_reached:
-                motion = self._motion_model.move(self.data, pose)
+                motion = self._move(pose, motions)
                 move_s += perf_counter() - reached_s
                 if motion.is_done:
                     return (pose, answer, motion), skipped, ik_s, move_s
@@ -209,6 +211,23 @@ class Episode:
             skipped.append(self.skipped[pose])
             on_skipped(len(skipped))
         return None, skipped, ik_s, move_s
+
+    def _move(self, pose: int, missed: list[Motion]) -> Motion:
+        """The motion to a pose, together with those that missed others before it; one more is noted where this misses.
+
+        Raises:
+            ProcedureStoppedError: The arm stopped; its motion holds those before too.
+        """
+        try:
+            motion = self._motion_model.move(self.data, pose)
+        except ProcedureStoppedError as error:
+            error.motion = joined([*missed, error.motion])
+            raise
+        if motion.is_done:
+            return joined([*missed, motion])
+        if len(motion.time_s):
+            missed.append(motion)
+        return motion
 
     @property
     def _planned_for(self) -> Episode | TargetBelief:

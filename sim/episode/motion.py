@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import mujoco
@@ -29,7 +30,7 @@ class Phase(IntEnum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """The way to one pose: T states in time, or the reason why there is none."""
+    """The way to one pose: T states in time, or the reason why the probe did not get there."""
 
     time_s: NDArray[np.float64]
     """Time since the motion began, increasing from 0 [s], shape (T,)."""
@@ -51,7 +52,7 @@ class Motion:
     peak_force_n: float | None = None
     """Largest contact force of the motion; None where there is no contact model."""
     reason: str = ""
-    """Why the pose was not reached; empty if it was."""
+    """Why the pose was not reached; empty if it was. Where there are states too, the arm moved and missed it."""
 
     @property
     def is_done(self) -> bool:
@@ -78,6 +79,32 @@ def blocked(reason: str) -> Motion:
     )  # fmt: skip
 
 
+def joined(motions: Sequence[Motion]) -> Motion:
+    """Motions that followed one another as one; its end, and what was measured there, are those of the last.
+
+    Args:
+        motions: At least one.
+    """
+    last = motions[-1]
+    if len(motions) == 1:
+        return last
+    starts_s = np.concatenate([[0.0], np.cumsum([motion.motion_s for motion in motions])])
+    time_s = np.concatenate([start_s + part.time_s for start_s, part in zip(starts_s, motions, strict=False)])
+    # A motion may begin with the state, and at the time, that the one before ended with.
+    is_new = np.r_[True, np.diff(time_s) > 0.0]
+    travels_rad = [part.joint_travel_rad for part in motions if part.joint_travel_rad is not None]
+    peaks_n = [part.peak_force_n for part in motions if part.peak_force_n is not None]
+    return replace(
+        last,
+        time_s=time_s[is_new],
+        states=np.vstack([part.states for part in motions])[is_new],
+        tips_m=np.vstack([part.tips_m for part in motions])[is_new],
+        phases=np.concatenate([part.phases for part in motions])[is_new],
+        joint_travel_rad=sum(travels_rad) if travels_rad else None,
+        peak_force_n=max(peaks_n) if peaks_n else None,
+    )
+
+
 class ProcedureStoppedError(WorldError):
     """The arm stopped for safety; `motion` is what it did until then."""
 
@@ -98,9 +125,12 @@ class MotionModel(ABC):
         """Bring a state to a pose that the positioner reaches.
 
         Args:
-            data: A state of the episode's scene. Its kinematics are up to date afterwards; it stays as it was where
-                the motion is blocked.
+            data: A state of the episode's scene; its kinematics are up to date after. It is as it was where no motion
+                began, and where the arm got to where it began and the pose was missed.
             pose: Index in the workspace.
+
+        Returns:
+            The motion, with a reason where the pose was not reached. The next one begins where this one ended.
 
         Raises:
             ProcedureStoppedError: The arm stopped on its way.

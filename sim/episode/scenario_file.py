@@ -30,7 +30,12 @@ LABEL_KEYS = {
     "structure_labels": "structures",
     "keepout_labels": "keepouts",
 }
-READING_KEYS = {"organ_unit": "unit", "organ_frame": "frame", "voxel_spacing_m": "spacing_m"}
+READING_KEYS = {
+    "organ_object": "organ_object",
+    "organ_unit": "unit",
+    "organ_frame": "frame",
+    "voxel_spacing_m": "spacing_m",
+}
 """Keys of a scenario file that describe the case's files, and the fields of `CaseFiles` and `LabelChoice` they set."""
 
 

@@ -78,7 +78,7 @@ class Setup:
     surface_distance_m: NDArray[np.float64]
     """Their distance to the organ's surface, shape (M,) [m]."""
     notices: tuple[str, ...] = ()
-    """What was repaired or is unusual about the files."""
+    """What was repaired or is unusual about the files, the arm's among them."""
 
     def on_lattice(self, values: NDArray[Any], *, outside: float | bool) -> NDArray[Any]:
         """Values of the search points on the whole query lattice, shape (X, Y, Z).
@@ -141,7 +141,7 @@ def build_setup(
         search_points_m=search_points_m,
         is_visible=visible_points(workspace, cone, search_points_m),
         surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
-        notices=notices,
+        notices=(*notices, *scene.notices),
     )
 
 

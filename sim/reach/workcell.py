@@ -35,7 +35,7 @@ class Workcell:
     organ_distance: DistanceGrid
     clearance: Clearance
     notices: tuple[str, ...]
-    """What was repaired or is unusual about the files."""
+    """What was repaired or is unusual about the files; what there is about the arm comes last."""
 
     @cached_property
     def workspace(self) -> Workspace:
@@ -50,7 +50,13 @@ class Workcell:
         """
         scene = _scene(self.scenario, self.placed, arm)
         check_base_room(scene, self.organ_distance)
-        return replace(self, scene=scene, clearance=Clearance(scene, self.organ_distance))
+        of_organ = self.notices[: len(self.notices) - len(self.scene.notices)]
+        return replace(
+            self,
+            scene=scene,
+            clearance=Clearance(scene, self.organ_distance),
+            notices=(*of_organ, *scene.notices),
+        )
 
     def make_search(self, settings: IkSettings | None = None) -> IkSearch:
         """The inverse kinematics of this workcell's arm."""
@@ -73,7 +79,7 @@ def build_workcell(scenario: Scenario, arm: ArmModel) -> Workcell:
         scene=scene,
         organ_distance=organ_distance,
         clearance=Clearance(scene, organ_distance),
-        notices=notices,
+        notices=(*notices, *scene.notices),
     )
 
 

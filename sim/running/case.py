@@ -18,7 +18,7 @@ MOST_MM = 3000.0
 MM = 1e-3
 """A millimetre [m]."""
 PATIENT_FIELDS = (
-    *("tumour", "organ_label", "tumour_label", "target", "target_label"),
+    *("organ_object", "tumour", "organ_label", "tumour_label", "target", "target_label"),
     *("structure", "structure_label", "keepout", "keepout_label", "spacing_mm"),
 )
 """Fields that mean nothing without a patient's own organ."""
@@ -28,6 +28,9 @@ PATIENT_FIELDS = (
 class CaseConfig:
     """A patient's files besides the organ's, and how to read them."""
 
+    organ_object: str | None = None
+    """Name of the object in the organ's file that is the organ, where the file holds several; or piece 2 for the second
+    largest of its separate pieces."""
     tumour: tuple[Path, ...] = ()
     """Meshes or label volumes of true tumours in the organ's coordinates, besides those in the organ's own volume."""
     unit: Unit = "mm"
@@ -70,6 +73,7 @@ class CaseConfig:
         """The files of the patient with that of the organ, and how to read them."""
         return CaseFiles(
             organ=str(organ),
+            organ_object=self.organ_object,
             tumours=_texts(self.tumour),
             targets=_texts(self.target),
             structures=_texts(self.structure),

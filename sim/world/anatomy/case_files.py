@@ -27,6 +27,8 @@ class CaseFiles:
 
     organ: Body
     """Mesh or label volume of the organ; or a surface in memory, in metres and patient axes (LPS)."""
+    organ_object: str | None = None
+    """Name of the object in the organ's file that is the organ, or `piece 2` for the second largest of its pieces."""
     tumours: tuple[Body, ...] = ()
     """Meshes or label volumes of tumours, besides those that the organ's volume holds."""
     targets: tuple[Body, ...] = ()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
+from scipy.ndimage import binary_erosion, find_objects
+from scipy.spatial import KDTree
 
 from sim.world.errors import MeshError, VolumeError
+from sim.world.meshes.pieces import LEAST_SHARE, Piece, PieceError, keep_pieces
 from sim.world.solids.solid import Solid
 from sim.world.volumes.label_coding import Coding, describe_labels
 from sim.world.volumes.label_surface import (
@@ -26,8 +29,8 @@ from .structures import Structure
 LEAST_ORGAN_SHARE = 0.5
 """Share of an organ's voxels that its largest piece must hold: scattered ones are no outline."""
 
-LEAST_ISLAND_SHARE = 0.05
-"""Further pieces of an organ are kept from this share of it on; smaller ones are debris."""
+MOST_OF_ORGAN = 0.9
+"""Where the largest piece holds less than half, the pieces that are no debris must hold this share together."""
 
 LEAST_TUMOUR_DIAMETER_M = 3e-3
 """Smaller pieces of a tumour label are taken for noise of the outline [m]."""
@@ -61,16 +64,17 @@ class LabelledAnatomy:
     notices: list[str] = field(default_factory=list)
 
 
-def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
+def anatomy_of(volume: Volume, coding: Coding, path: object, *, piece: str | None = None) -> LabelledAnatomy:
     """The anatomy that a label volume holds.
 
     Args:
         volume: The labels.
         coding: What they mean.
         path: The file, for messages.
+        piece: The piece of the organ's label to take, as `piece 2`; None to take what lies together.
 
     Raises:
-        VolumeError: The organ is scattered, or no surface can be drawn about it.
+        VolumeError: The organ is scattered, several pieces could be it, or no surface can be drawn about it.
     """
     notices: list[str] = []
     wanted = np.zeros(max(volume.counts) + 1, dtype=bool)
@@ -78,7 +82,8 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
     wanted[[each for each in parts if each < len(wanted)]] = True
     box = box_of(wanted[volume.labels])
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
-    mask = _largest_pieces(wanted[labels], volume, path, notices)
+    mask, said = _organ_pieces(wanted[labels], T, volume, piece, path)
+    notices += said
     if _touches_end(mask, box, volume):
         notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
     organ = _surface(filled(mask), T, ORGAN_SURFACE, path, "the organ")
@@ -90,37 +95,55 @@ def anatomy_of(volume: Volume, coding: Coding, path: object) -> LabelledAnatomy:
     )
 
 
-def _largest_pieces(
-    mask: NDArray[np.bool_], volume: Volume, path: object, notices: list[str]
-) -> NDArray[np.bool_]:
-    """The mask without islands.
+def _organ_pieces(
+    mask: NDArray[np.bool_], T: NDArray[np.float64], volume: Volume, wanted: str | None, path: object
+) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """The mask without what is no part of the organ, and what is said of that.
 
     Raises:
-        VolumeError: No piece holds half of it.
+        VolumeError: No piece holds half of it, or several could be the organ.
     """
-    pieces = np.empty(mask.shape, dtype=np.int32)
-    n = count_pieces(mask, pieces)
-    if n <= 1:
-        return mask
-    sizes = np.bincount(pieces.ravel())
-    sizes[0] = 0
-    n_voxels = int(sizes.sum())
-    if sizes.max() < LEAST_ORGAN_SHARE * n_voxels:
+    numbers = np.empty(mask.shape, dtype=np.int32)
+    n = count_pieces(mask, numbers)
+    if n <= 1 and wanted is None:
+        return mask, ()
+    sizes = np.bincount(numbers.ravel())[1:]
+    is_large = sizes >= LEAST_SHARE * sizes.sum()
+    if sizes.max() < LEAST_ORGAN_SHARE * sizes.sum() and sizes[is_large].sum() < MOST_OF_ORGAN * sizes.sum():
         raise VolumeError(
             f"{path}: the organ's label is scattered over {n:,} pieces, of which the largest holds "
-            f"{sizes.max() / n_voxels:.0%}; it holds {describe_labels(volume)}. Pass the right `organ_label`, or "
+            f"{sizes.max() / sizes.sum():.0%}; it holds {describe_labels(volume)}. Pass the right `organ_label`, or "
             "clean the outline"
         )
-    keeps = sizes >= LEAST_ISLAND_SHARE * n_voxels
-    n_dropped, dropped = n - int(keeps.sum()), int(sizes[~keeps].sum())
-    if n_dropped:
-        islands = f"{n_dropped:,} islands were" if n_dropped > 1 else "an island was"
-        notices.append(
-            f"{islands} dropped beside the organ, {dropped * volume.voxel_volume_m3 * 1e6:.2g} ml in all"
-        )
-    if keeps.sum() > 1:
-        notices.append(f"the organ is of {int(keeps.sum())} separate pieces, all of which are kept")
-    return keeps[pieces]
+    boxes = find_objects(numbers)
+    pieces = [
+        Piece(volume_m3=float(size * volume.voxel_volume_m3), middle_m=_middle_m(box, T))
+        for size, box in zip(sizes, boxes, strict=True)
+    ]
+    try:
+        kept = keep_pieces(pieces, lambda i, j: _gap_m(numbers, boxes, T, (i, j)), wanted)
+    except PieceError as error:
+        raise VolumeError(f"{path}: the organ's label {error}") from error
+    return np.isin(numbers, np.array(kept.indices) + 1), kept.remarks
+
+
+def _middle_m(box: tuple[slice, ...], T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The middle of a part of a grid [m]."""
+    return T[:3, :3] @ [0.5 * (each.start + each.stop - 1) for each in box] + T[:3, 3]
+
+
+def _gap_m(
+    numbers: NDArray[np.int32], boxes: list[Any], T: NDArray[np.float64], pair: tuple[int, int]
+) -> float:
+    """The distance between two pieces of a mask [m], 0 where voxels of both touch by a corner."""
+    trees = []
+    for piece in pair:
+        box = boxes[piece]
+        mask = numbers[box] == piece + 1
+        rim = np.argwhere(mask & ~np.asarray(binary_erosion(mask), dtype=bool)) + [each.start for each in box]
+        trees.append(rim @ T[:3, :3].T)
+    diagonal_m = float(np.linalg.norm(np.linalg.norm(T[:3, :3], axis=0)))
+    return max(float(KDTree(trees[0]).query(trees[1])[0].min()) - diagonal_m, 0.0)
 
 
 def _touches_end(mask: NDArray[np.bool_], box: tuple[slice, ...], volume: Volume) -> bool:
@@ -184,18 +207,25 @@ def _structures(
     volume: Volume, coding: Coding, organ: Solid, path: object, notices: list[str]
 ) -> tuple[Structure, ...]:
     """A surface for each structure's label, as far as it lies about the organ."""
-    found = []
+    found, far = [], []
     box = _box_about(volume, organ)
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
     for name, each in {**coding.structures, **coding.keepouts}.items():
         mask = labels == each
         if mask.sum() * volume.voxel_volume_m3 < LEAST_STRUCTURE_M3:
             if each in volume.counts:
-                notices.append(f"{name} has next to no volume near the organ and is left out")
+                far.append(name)
             continue
         piece = box_of(mask)
         solid = _surface(mask[piece], shifted(T, piece), STRUCTURE_SURFACE, path, name)
         found.append(Structure(name=name, solid=solid, is_keepout=name in coding.keepouts))
+    if far:
+        verb = (
+            "has next to no volume near the organ and is"
+            if len(far) == 1
+            else "have next to no volume near it and are"
+        )
+        notices.append(f"{', '.join(far)} {verb} left out")
     return tuple(found)
 
 

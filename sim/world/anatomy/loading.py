@@ -6,7 +6,7 @@ volumes say where they lie; meshes are LPS unless their header or the user says 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -14,10 +14,14 @@ import numpy as np
 import trimesh
 
 from sim.world.errors import MeshError, VolumeError
-from sim.world.meshes.meshes import load_mesh, load_surface, remarks_on_size
+from sim.world.meshes.bodies import separate_solids
+from sim.world.meshes.meshes import load_bodies, load_mesh, load_surface, remarks_on_size
+from sim.world.meshes.pieces import is_piece_name
+from sim.world.names import fold
 from sim.world.solids.solid import Solid
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_coding import CODINGS, Coding, coding_of
+from sim.world.volumes.label_coding import CODINGS, Coding, LabelChoice, describe_labels
+from sim.world.volumes.label_meaning import coding_of
 from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
 from sim.world.volumes.masks import box_of, label_pieces
 from sim.world.volumes.volume import Volume, shifted
@@ -72,9 +76,7 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     elif is_volume(files.organ):
         found = _labelled(files, volume or load_volume(files.organ, spacing_m=files.spacing_m), notices)
     else:
-        mesh = load_mesh(files.organ, files.unit, role="organ", frame=files.frame)
-        notices += mesh.notices
-        found = LabelledAnatomy(organ=mesh.solid)
+        found = _from_mesh(files, notices)
         _refuse_labels(files)
     tumours, tumour_names = _with_files(found.tumours, "tumour", files, notices)
     targets, target_names = _with_files(found.targets, "target", files, notices)
@@ -140,12 +142,54 @@ def solid_of(body: Solid | trimesh.Trimesh, role: str) -> Solid:
     return Solid.from_trimesh(body)
 
 
+def _from_mesh(files: CaseFiles, notices: list[str]) -> LabelledAnatomy:
+    """The organ of a mesh file, and what else its objects are."""
+    mesh = load_mesh(
+        str(files.organ), files.unit, role="organ", frame=files.frame, organ_object=files.organ_object
+    )
+    notices += mesh.notices
+    tumours: list[Solid] = []
+    for body in mesh.tumours:
+        solids, said = separate_solids(body, "tumour")
+        notices += [f"{mesh.name}: {text}" for text in said]
+        tumours += [each for each in solids if mesh.solid.contains(each.vertices_m).any()]
+        if n_outside := len(solids) - sum(any(each is kept for kept in tumours) for each in solids):
+            noun = "a tumour's body" if n_outside == 1 else f"{n_outside} bodies of tumours"
+            notices.append(
+                f"{mesh.name}: {noun} outside the organ {'was' if n_outside == 1 else 'were'} dropped"
+            )
+    tumours.sort(key=lambda each: -each.volume_m3)
+    structures = tuple(Structure(name=name, solid=solid) for name, solid in mesh.structures.items())
+    return LabelledAnatomy(organ=mesh.solid, tumours=tuple(tumours), structures=structures)
+
+
 def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledAnatomy:
-    coding, remarks = coding_of(volume, files.labels, str(files.organ))
-    found = anatomy_of(volume, coding, str(files.organ))
+    labels, piece = _choice(files, volume)
+    coding, remarks = coding_of(volume, labels, str(files.organ))
+    found = anatomy_of(volume, coding, str(files.organ), piece=piece)
     said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
     notices += [*volume.notices, *(f"{volume.name}: {text}" for text in said)]
     return found
+
+
+def _choice(files: CaseFiles, volume: Volume) -> tuple[LabelChoice, str | None]:
+    """What is said of the labels and of the organ's pieces; an object may be a label by its name.
+
+    Raises:
+        VolumeError: There is no label of that name.
+    """
+    name = files.organ_object
+    if name is None or is_piece_name(name):
+        return files.labels, name
+    named = [label for label, each in volume.label_names.items() if fold(each) == fold(name)]
+    if not named or files.labels.organ:
+        raise VolumeError(
+            f"{files.organ}: `organ_object` {name!r} is no name of a label in the file, which holds "
+            f"{describe_labels(volume)}; pass one of these names or `organ_label` N"
+            if not named
+            else f"{files.organ}: `organ_label` and `organ_object` both name the organ; leave one out"
+        )
+    return replace(files.labels, organ=tuple(named)), None
 
 
 def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
@@ -185,9 +229,9 @@ def _refuse_labels(files: CaseFiles) -> None:
 def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) -> list[Solid]:
     """The tumour or target of a mesh, or the pieces of a label volume."""
     if not is_volume(file):
-        mesh = load_mesh(file, files.unit, role=role, frame=files.frame)
-        notices += mesh.notices
-        return [mesh.solid]
+        solids, said = load_bodies(file, files.unit, role=role, frame=files.frame)
+        notices += said
+        return list(solids)
     volume = load_volume(file, spacing_m=files.spacing_m)
     notices += volume.notices
     coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours

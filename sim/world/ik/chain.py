@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.frames import quaternion_matrix
+from sim.world.scene.body_tree import bodies_above, joints_above
 from sim.world.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ class Chain:
         """Read the chain of `scene`'s tip out of its model."""
         model = scene.model
         tip = model.site(scene.tip_site).id
-        self.joints = _joints_above(model, int(model.site_bodyid[tip]))
+        self.joints = np.array(joints_above(model, int(model.site_bodyid[tip])), dtype=np.int64)
         """Ids of the chain's joints, from the base on, shape (n,)."""
         self.columns = model.jnt_qposadr[self.joints]
         """Where the chain's joints lie in the scene's joint positions, shape (n,)."""
@@ -155,26 +156,11 @@ class Chain:
         return self._p[0], float(lengths_m.sum() + slides_m.sum())
 
 
-def _joints_above(model: mujoco.MjModel, body: int) -> NDArray[np.int64]:
-    """Ids of the joints between the world and a body, from the base on."""
-    joints: list[int] = []
-    while body != 0:
-        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-        joints[:0] = range(first, first + count)
-        body = int(model.body_parentid[body])
-    return np.array(joints, dtype=np.int64)
-
-
 def _constants(model: mujoco.MjModel, joints: NDArray[np.int64], tip: int) -> tuple[Array, Array]:
     """The constant rotations (n + 1, 3, 3) and shifts (n + 1, 3) [m] between joints whose own z is their axis."""
     rotations, shifts_m = [], []
     R, p = np.eye(3), np.zeros(3)
-    bodies: list[int] = []
-    body = int(model.site_bodyid[tip])
-    while body != 0:
-        bodies.insert(0, body)
-        body = int(model.body_parentid[body])
-    for body in bodies:
+    for body in reversed(list(bodies_above(model, int(model.site_bodyid[tip])))):
         p, R = p + R @ model.body_pos[body], R @ quaternion_matrix(model.body_quat[body])
         for joint in joints[model.jnt_bodyid[joints] == body]:
             R_joint = _z_along(model.jnt_axis[joint])

@@ -6,19 +6,23 @@ import logging
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from trimesh.resolvers import FilePathResolver
 
 from sim.world.errors import MeshError
 from sim.world.memory import spare_bytes
+from sim.world.text import decoded
 
 from .coordinates import MeshFrame
+from .gltf_files import GltfError, PercentResolver, readable_gltf
+from .objects import MeshObject, obj_text_by_object, objects_of_scene
 from .repair import compact
+from .stl_files import StlError, read_stl
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf")
 
@@ -31,9 +35,6 @@ LEAST_FILE_BYTES_PER_TRIANGLE = 18
 BYTES_PER_TRIANGLE = 850
 """Memory that reading, closing and simplifying a mesh takes at its peak, as measured on 2 million triangles."""
 
-STL_HEADER_BYTES = 84
-"""Of a binary STL; the last four are the number of its triangles."""
-
 HEADER_BYTES = 400
 """Where 3D Slicer writes SPACE=LPS or SPACE=RAS into the files it saves."""
 
@@ -44,8 +45,27 @@ READER_ERRORS = (
 """What a reader may raise on arbitrary bytes; ImportError where it needs a package to guess an encoding."""
 
 
-def read_triangles(path: Path, frame: MeshFrame) -> tuple[NDArray[np.float64], NDArray[np.int64], list[str]]:
-    """Vertices in the file's unit and LPS axes, faces, of which there is at least one, and remarks.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReadMesh:
+    """What a mesh file holds, in its unit and in LPS axes.
+
+    Attributes:
+        vertices: Vertices that faces use, shape (V, 3).
+        faces: Vertex indices, at least one row, shape (F, 3).
+        objects: The same triangles by the objects that the file names, where there are several.
+        names: Names of all objects, one only included.
+        remarks: One phrase for each remarkable property.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    objects: tuple[MeshObject, ...] = ()
+    names: tuple[str, ...] = ()
+    remarks: list[str] = field(default_factory=list)
+
+
+def read_triangles(path: Path, frame: MeshFrame) -> ReadMesh:
+    """The triangles of a mesh file.
 
     Args:
         path: An STL, OBJ, PLY, GLB or glTF file.
@@ -54,40 +74,104 @@ def read_triangles(path: Path, frame: MeshFrame) -> tuple[NDArray[np.float64], N
     Raises:
         MeshError: The file holds no triangles in space.
     """
-    vertices, faces, content = _read(path)
-    remarks: list[str] = []
+    read, content = _read(path)
+    remarks = list(read.remarks)
     is_ras = frame == "ras"
     if frame == "auto" and re.search(rb"SPACE\s*=\s*RAS", content[:HEADER_BYTES]):
         is_ras = True
         remarks.append("its header says RAS axes, which were turned to LPS")
-    if is_ras:
-        # It is half a turn about z, which changes no triangle's side.
-        vertices = vertices * [-1.0, -1.0, 1.0]
-    return vertices, faces, remarks
+    # It is half a turn about z, which changes no triangle's side.
+    turn = np.array([-1.0, -1.0, 1.0]) if is_ras else None
+    vertices, objects = read.vertices, read.objects
+    if turn is not None:
+        vertices = vertices * turn
+        objects = tuple(replace(each, vertices=each.vertices * turn) for each in objects)
+    return replace(read, vertices=vertices, objects=objects, remarks=remarks)
 
 
-def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], bytes]:
-    kind = path.suffix.lower()
-    if not path.is_file():
-        raise MeshError(f"{path}: there is no such file; check the path")
-    if kind not in FORMATS:
-        raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
+def _read(path: Path) -> tuple[ReadMesh, bytes]:
+    """The triangles in the file's own axes, and its bytes."""
+    _check_is_mesh(path)
     _check_memory(path)
     try:
         content = path.read_bytes()
-        # OBJ is text, whose comments may be in any encoding.
-        text = content.decode("utf-8", errors="replace").encode() if kind == ".obj" else content
-        resolver = FilePathResolver(str(path)) if kind == ".gltf" else None
         with _quiet_reader():
-            mesh = trimesh.load_mesh(BytesIO(text), file_type=kind[1:], process=False, resolver=resolver)
-        vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+            read = _read_stl(content) if path.suffix.lower() == ".stl" else _read_by_trimesh(path, content)
+    except (StlError, GltfError) as error:
+        raise MeshError(f"{path}: {error}") from error
     except READER_ERRORS as error:
         raise MeshError(
             f"{path}: cannot be read as {path.suffix[1:].upper()} "
             f"({type(error).__name__}: {_first_line(error)}); export the mesh again"
         ) from error
-    vertices, faces = _checked(path, content, vertices, faces)
-    return vertices, faces, content
+    vertices, faces = _checked(path, content, read.vertices, read.faces)
+    return replace(read, vertices=vertices, faces=faces), content
+
+
+def _check_is_mesh(path: Path) -> None:
+    """Nothing, if a path is that of a file of a format that is read.
+
+    Raises:
+        MeshError: It is not.
+    """
+    if path.is_dir():
+        raise MeshError(f"{path}: is a folder; name the file in it that holds the organ")
+    if not path.is_file():
+        raise MeshError(f"{path}: there is no such file; check the path")
+    if path.suffix.lower() not in FORMATS:
+        raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
+
+
+def _read_stl(content: bytes) -> ReadMesh:
+    solids, remarks = read_stl(content)
+    corners = np.concatenate([np.empty((0, 3, 3)), *(each.corners for each in solids)])
+    objects = [
+        MeshObject(name=each.name, vertices=each.corners.reshape(-1, 3), faces=_in_order(len(each.corners)))
+        for each in solids
+    ]
+    return ReadMesh(
+        vertices=corners.reshape(-1, 3),
+        faces=_in_order(len(corners)),
+        objects=tuple(objects) if len(objects) > 1 else (),
+        names=tuple(each.name for each in solids),
+        remarks=remarks,
+    )
+
+
+def _in_order(n: int) -> NDArray[np.int64]:
+    """Faces of triangles that share no vertices, shape (n, 3)."""
+    return np.arange(3 * n).reshape(-1, 3)
+
+
+def _read_by_trimesh(path: Path, content: bytes) -> ReadMesh:
+    kind, resolver = path.suffix.lower()[1:], None
+    by_object, order, names = "", [], ()
+    if kind == "obj":
+        # OBJ is text, whose comments may be in any encoding.
+        text = decoded(content)
+        by_object, order, names = obj_text_by_object(text)
+        content = text.encode()
+    elif kind in ("glb", "gltf"):
+        kind, content = readable_gltf(path, content)
+        resolver = PercentResolver(str(path))
+    scene = trimesh.load_scene(BytesIO(content), file_type=kind, process=False, resolver=resolver)
+    mesh = scene.to_mesh()
+    vertices, faces = np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+    if order:
+        scene = trimesh.load_scene(
+            BytesIO(by_object.encode()),
+            file_type=kind,
+            process=False,
+            split_objects=True,
+            group_material=False,
+        )
+    objects = objects_of_scene(scene, order) if kind != "ply" else []
+    return ReadMesh(
+        vertices=vertices,
+        faces=faces,
+        objects=tuple(objects) if len(objects) > 1 else (),
+        names=(*names, *(each.name for each in objects)),
+    )
 
 
 def _checked(
@@ -101,7 +185,8 @@ def _checked(
     if vertices.ndim != 2 or vertices.shape[1:] != (3,) or faces.ndim != 2 or faces.shape[1:] != (3,):
         raise MeshError(f"{path}: holds no triangles in space; export a surface of triangles")
     if len(faces) == 0:
-        _check_whole(path, content)
+        if not content:
+            raise MeshError(f"{path}: the file is empty; copy or export it again")
         raise MeshError(f"{path}: holds no triangles; export the surface, not only its points")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise MeshError(f"{path}: triangles name vertices that the file does not hold; export the mesh again")
@@ -112,24 +197,6 @@ def _checked(
             f"{path}: {n_bad} of {len(vertices)} vertices are NaN or infinite; export the mesh again"
         )
     return vertices, faces
-
-
-def _check_whole(path: Path, content: bytes) -> None:
-    """Nothing, unless a file that holds no triangles is empty, or an STL cut short.
-
-    Raises:
-        MeshError: It is.
-    """
-    if not content:
-        raise MeshError(f"{path}: the file is empty; copy or export it again")
-    if path.suffix.lower() != ".stl" or content.lstrip().startswith(b"solid"):
-        return
-    n = int.from_bytes(content[STL_HEADER_BYTES - 4 : STL_HEADER_BYTES], "little")
-    if len(content) < STL_HEADER_BYTES + n * FILE_BYTES_PER_TRIANGLE[".stl"]:
-        raise MeshError(
-            f"{path}: is cut short or no STL: by its header {n:,} triangles follow, and it ends after "
-            f"{len(content):,} bytes; copy or export it again"
-        )
 
 
 def _check_memory(path: Path) -> None:

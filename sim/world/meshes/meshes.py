@@ -1,6 +1,7 @@
 """Reading organ and tumour meshes from files: what leaves here is a closed, outward surface in metres."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -9,11 +10,15 @@ import trimesh
 from numpy.typing import NDArray
 
 from sim.world.errors import MeshError, MissingPackageError
+from sim.world.names import fold
 from sim.world.solids.solid import Solid
 
+from .bodies import organ_bodies, separate_solids
 from .coordinates import METRES_PER_UNIT, MeshFrame, Unit
 from .decimation import decimate
-from .files import read_triangles
+from .files import ReadMesh, read_triangles
+from .objects import MeshObject, SortedObjects, joined, sort_objects, told_apart
+from .pieces import PieceError, is_piece_name
 from .repair import RepairError, repair
 
 Role = Literal["organ", "tumour", "target"]
@@ -54,11 +59,15 @@ class LoadedMesh:
         solid: The solid it bounds [m], in the frame of its file.
         notices: One sentence for each repair and for each remarkable property.
         name: The file's name.
+        tumours: Objects of the organ's file that are tumours by their names.
+        structures: Objects of the organ's file that are shown beside it, by name.
     """
 
     solid: Solid
     notices: tuple[str, ...]
     name: str
+    tumours: tuple[Solid, ...] = ()
+    structures: Mapping[str, Solid] = field(default_factory=dict)
 
     @property
     def mesh(self) -> trimesh.Trimesh:
@@ -67,18 +76,26 @@ class LoadedMesh:
 
 
 def load_mesh(
-    path: str | Path, unit: Unit = "mm", *, role: Role = "organ", frame: MeshFrame = "auto"
+    path: str | Path,
+    unit: Unit = "mm",
+    *,
+    role: Role = "organ",
+    frame: MeshFrame = "auto",
+    organ_object: str | None = None,
 ) -> LoadedMesh:
     """A mesh file as a closed, outward solid in metres.
 
     Duplicate vertices and triangles are merged, small holes filled and inverted windings turned; each repair
-    is mentioned in the notices.
+    is mentioned in the notices. Of an organ's file the object that is the organ is taken, and of it the bodies that
+    lie together; the notices say what the rest is taken for.
 
     Args:
         path: An STL, OBJ, PLY, GLB or glTF file.
         unit: Unit of the file's coordinates, "mm" or "m".
         role: What the mesh stands for, "organ", "tumour" or "target": it decides which sizes are plausible.
         frame: Axes of the file; what is returned is LPS.
+        organ_object: Name of the object that is the organ, or `piece 2` for the second largest of its bodies; None to
+            take the one that is meant.
 
     Returns:
         The mesh and the notices.
@@ -91,19 +108,86 @@ def load_mesh(
     if role not in SMALLEST_EXTENT_M:
         raise MeshError(f"role {role!r} is not known; use one of {', '.join(get_args(Role))}")
     path = Path(path)
-    vertices, faces, notices = read_triangles(path, frame)
-    vertices_m = vertices * METRES_PER_UNIT[unit]
+    read = read_triangles(path, frame)
+    vertices_m, faces, notices = read.vertices * METRES_PER_UNIT[unit], read.faces, read.remarks
     _check_extent(path, vertices_m, unit, role)
+    found: SortedObjects | None = None
     try:
+        if role == "organ":
+            found = _sorted_objects(read, unit, organ_object)
+        if found is not None:
+            vertices_m, faces = joined(found.organ)
+            notices.append(found.remark)
         vertices_m, faces, repairs = repair(vertices_m, faces)
-    except RepairError as error:
+        if role == "organ":
+            vertices_m, faces, said = organ_bodies(vertices_m, faces, _piece(organ_object, found, read))
+            repairs += said
+    except (RepairError, PieceError) as error:
         raise MeshError(f"{path}: {error}") from error
+    solid, simplified = _checked_solid(path, vertices_m, faces)
+    notices += [*repairs, *simplified, *_check_winding(path, solid), *remarks_on_size(solid.volume_m3, role)]
+    return LoadedMesh(
+        solid,
+        tuple(f"{path.name}: {notice}" for notice in notices),
+        path.name,
+        tumours=tuple(_solid_of(each) for each in (found.tumours if found else ())),
+        structures={each.name: _solid_of(each) for each in (found.structures if found else ())},
+    )
+
+
+def load_bodies(
+    path: str | Path, unit: Unit = "mm", *, role: Role = "tumour", frame: MeshFrame = "auto"
+) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
+    """The separate bodies of a mesh file of tumours or targets, the largest first, and notices.
+
+    Args:
+        path: An STL, OBJ, PLY, GLB or glTF file.
+        unit: Unit of the file's coordinates.
+        role: What each body is.
+        frame: Axes of the file; what is returned is LPS.
+
+    Raises:
+        MeshError: The file cannot be read, or its mesh cannot be made a closed solid of a plausible size.
+    """
+    mesh = load_mesh(path, unit, role=role, frame=frame)
+    solids, said = separate_solids(mesh.solid, role)
+    return solids, (*mesh.notices, *(f"{mesh.name}: {text}" for text in said))
+
+
+def _sorted_objects(read: ReadMesh, unit: Unit, organ_object: str | None) -> SortedObjects | None:
+    """What the objects of a file are; None where they are one surface.
+
+    Raises:
+        PieceError: Several could be the organ, or the one wanted is not there.
+    """
+    scaled = [replace(each, vertices=each.vertices * METRES_PER_UNIT[unit]) for each in read.objects]
+    units = told_apart(scaled) if len(scaled) > 1 else []
+    if len(units) < 2:
+        return None
+    is_of_pieces = organ_object is not None and is_piece_name(organ_object)
+    return sort_objects(units, None if is_of_pieces else organ_object)
+
+
+def _piece(organ_object: str | None, found: SortedObjects | None, read: ReadMesh) -> str | None:
+    """The name of the body to take of an organ, None for the rule."""
+    if organ_object is None or is_piece_name(organ_object):
+        return organ_object
+    is_only_one = found is None and fold(organ_object) in map(fold, read.names)
+    return None if found is not None or is_only_one else organ_object
+
+
+def _solid_of(body: MeshObject) -> Solid:
+    return Solid(body.vertices, body.faces)
+
+
+def _checked_solid(
+    path: Path, vertices_m: NDArray[np.float64], faces: NDArray[np.int64]
+) -> tuple[Solid, list[str]]:
+    """The solid with few enough triangles, and what is said of that."""
     vertices_m, faces, simplified = _simplified(vertices_m, faces)
     solid = Solid(vertices_m, faces)
-    volume_m3 = solid.volume_m3
-    _check_volume(path, solid, volume_m3)
-    notices += [*repairs, *simplified, *_check_winding(path, solid), *remarks_on_size(volume_m3, role)]
-    return LoadedMesh(solid, tuple(f"{path.name}: {notice}" for notice in notices), path.name)
+    _check_volume(path, solid, solid.volume_m3)
+    return solid, simplified
 
 
 def load_surface(path: str | Path, unit: Unit = "mm", *, frame: MeshFrame = "auto") -> LoadedMesh:
@@ -118,8 +202,8 @@ def load_surface(path: str | Path, unit: Unit = "mm", *, frame: MeshFrame = "aut
         MeshError: The file cannot be read, or is larger than any patient.
     """
     path = Path(path)
-    vertices, faces, notices = read_triangles(path, frame)
-    vertices_m = vertices * METRES_PER_UNIT[unit]
+    read = read_triangles(path, frame)
+    vertices_m, faces, notices = read.vertices * METRES_PER_UNIT[unit], read.faces, read.remarks
     _check_extent(path, vertices_m, unit, "tumour")
     try:
         vertices_m, faces, _ = repair(vertices_m, faces)

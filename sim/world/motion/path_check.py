@@ -88,6 +88,10 @@ class PathCheck:
         """Whether the way along configurations is free."""
         return self.first_hit(path) is None
 
+    def is_lifted(self, q: Array) -> bool:
+        """Whether nothing touches in a configuration, shape (n,), and the whole probe keeps its margin."""
+        return bool(self._room(q[None], ARM_MARGIN_M).room_m[0] >= 0.0)
+
     def _room(self, q: Array, margin_m: float) -> Room:
         """Room of configurations of the chain, shape (N, n), the probe keeping a margin from the organ."""
         clearances = self._meter.measure(self._chain.full(q))

@@ -135,6 +135,10 @@ class PathSearch:
         """Whether a configuration itself is free."""
         return self._check.is_free(np.stack([q, q]))
 
+    def is_lifted_at(self, q: Array) -> bool:
+        """Whether a configuration is free, and its whole probe as far from the organ as on a transfer."""
+        return self._check.is_lifted(q)
+
     def _is_free_between(self, start_q: Array, end_q: Array) -> bool:
         """Whether the straight way between two configurations is free."""
         return self._check.is_free(np.stack([start_q, end_q]))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.ik.chain import Array, Chain
+from sim.world.scene.mujoco_messages import caught_warnings
 from sim.world.scene.scene import Scene
 
 from .contact_surface import ContactSurface
@@ -41,6 +42,8 @@ class ServoRun:
     """The largest of all steps, also between recorded times [N]."""
     is_stopped: bool
     """Whether the force limit ended it; the arrays then end there."""
+    is_unstable: bool
+    """Whether the dynamics ran away; the arrays then end before, and there the arm stands still."""
 
 
 class ServoArm:
@@ -62,12 +65,17 @@ class ServoArm:
         # The weight of every body is compensated, as gravcomp="1" does, also of arms whose files do not say so.
         model.opt.gravity[:] = 0.0
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-        self._columns, self._dofs = chain.columns, model.jnt_dofadr[chain.joints]
+        # Joints beside the chain, as those of fingers, have servos too, which hold them at home.
+        beside = np.setdiff1d(np.arange(model.njnt), chain.joints)
+        joints = np.concatenate([chain.joints, beside])
+        self._columns, self._dofs = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self._beside_q = scene.home_q[model.jnt_qposadr[beside]]
         self._kp, self._kv = _gains(scene, self._dofs, is_panda=is_panda)
         # The integrator takes joint damping implicitly, so that stiff servos stay stable.
         model.dof_damping[self._dofs] += self._kv
-        has_limit = model.jnt_actfrclimited[chain.joints].astype(bool)
-        self._torque = np.where(has_limit, model.jnt_actfrcrange[chain.joints, 1], np.inf)
+        has_limit = model.jnt_actfrclimited[joints].astype(bool)
+        self._least_torque = np.where(has_limit, model.jnt_actfrcrange[joints, 0], -np.inf)
+        self._most_torque = np.where(has_limit, model.jnt_actfrcrange[joints, 1], np.inf)
         self.data = scene.new_data()
         self._jacobian = np.zeros((3, model.nv))
         self._n_asleep = 0
@@ -85,19 +93,36 @@ class ServoArm:
             speed: How fast, shape (T, n).
             record_every: Every so many steps is recorded, and the last one.
         """
+        q = np.hstack([q, np.tile(self._beside_q, (len(q), 1))])
+        speed = np.hstack([speed, np.zeros((len(q), len(self._beside_q)))])
         states, tips_m, forces_n, peak_n, is_stopped = [], [], [], 0.0, False
-        for index in range(len(q)):
-            force_n = self._step(q[index], speed[index])
-            peak_n = max(peak_n, force_n)
-            is_stopped = force_n > self._settings.force_limit_n
-            if (index + 1) % record_every == 0 or index == len(q) - 1 or is_stopped:
-                mujoco.mj_fwdPosition(self.model, self.data)
-                states.append(self.data.qpos.copy())
-                tips_m.append(self.data.site_xpos[self._tip].copy())
-                forces_n.append(self.contact()[0])
-            if is_stopped:
-                break
-        return ServoRun(np.array(states), np.array(tips_m), np.array(forces_n), peak_n, is_stopped)
+        start_q, start_s, is_unstable = self.data.qpos.copy(), self.data.time, False
+        with caught_warnings():
+            for index in range(len(q)):
+                force_n = self._step(q[index], speed[index])
+                # MuJoCo begins anew, at time 0, where accelerations are no longer numbers that it can work with.
+                is_unstable = self.data.time < start_s + (index + 0.5) * self.dt_s
+                if is_unstable:
+                    self._stand_still(states[-1] if states else start_q)
+                peak_n = max(peak_n, force_n)
+                is_stopped = force_n > self._settings.force_limit_n
+                is_last = index == len(q) - 1 or is_stopped or is_unstable
+                if (index + 1) % record_every == 0 or is_last:
+                    mujoco.mj_fwdPosition(self.model, self.data)
+                    states.append(self.data.qpos.copy())
+                    tips_m.append(self.data.site_xpos[self._tip].copy())
+                    forces_n.append(self.contact()[0])
+                if is_last:
+                    break
+        return ServoRun(
+            np.array(states), np.array(tips_m), np.array(forces_n), peak_n, is_stopped, is_unstable
+        )
+
+    def _stand_still(self, q: Array) -> None:
+        """Put the arm to joint positions of the scene, at rest."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = q
+        self._n_asleep = 0
 
     def contact(self) -> tuple[float, NDArray[np.float64]]:
         """The force on the tip [N] and its direction, out of the organ, in the present state."""
@@ -126,7 +151,7 @@ class ServoArm:
         force_n, outward = self._force()
         now = data.qvel[self._dofs]
         wanted = self._kp * (q - data.qpos[self._columns]) + self._kv * speed
-        torque = np.clip(wanted - self._kv * now, -self._torque, self._torque)
+        torque = np.clip(wanted - self._kv * now, self._least_torque, self._most_torque)
         data.qfrc_applied[:] = 0.0
         # The joints' damping takes the last term off again.
         data.qfrc_applied[self._dofs] = torque + self._kv * now

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from sim.world.errors import WorldError
 
+from .couplings import couplings, told
+
 _SIM_DIR = Path(__file__).resolve().parents[2]
 _PLACES = (_SIM_DIR / "_models", _SIM_DIR.parent / "models")
 MODELS_DIR = next((folder for folder in _PLACES if folder.is_dir()), _PLACES[-1])
@@ -53,7 +55,8 @@ class ArmModel:
             positions [rad or m], shape (n_joints,).
 
         Raises:
-            ArmError: The file is missing or broken, has no joints, a mobile base, or no such flange site.
+            ArmError: The file is missing or broken, has no joints, a mobile base, no such flange site, or joints
+                that depend on each other.
         """
         if not self.path.is_file():
             raise ArmError(
@@ -66,7 +69,8 @@ class ArmModel:
         except ValueError as error:
             raise ArmError(f"{self.path}: MuJoCo cannot compile this arm: {_first_line(error)}") from error
         self._check(model)
-        self.flange_of(spec)
+        _drop_switched_off(spec, model)
+        self._check_couplings(spec.compile(), self.flange_of(spec))
         home_q = _home_configuration(model)
         for key in list(spec.keys):
             spec.delete(key)
@@ -106,6 +110,14 @@ class ArmModel:
                 "give the joint a range, or remove it and place the arm with `base_mm`."
             )
 
+    def _check_couplings(self, model: mujoco.MjModel, flange: str) -> None:
+        if found := couplings(model, int(model.site(flange).bodyid[0])):
+            raise ArmError(
+                f"{self.path}: {told(found)}. Sounding moves every joint between base and flange on its own, so it "
+                "would send this arm where it cannot go. Remove that from the file where the real arm's joints are "
+                "free of it; an arm whose joints depend on each other cannot be used."
+            )
+
 
 def base_frame(base_m: tuple[float, float, float], yaw_rad: float) -> NDArray[np.float64]:
     """The frame of a base that stands upright at a position [m], turned by a yaw [rad], shape (4, 4)."""
@@ -126,6 +138,17 @@ def _drop_bad_keyframes(spec: mujoco.MjSpec) -> None:
     for key in list(spec.keys):
         if len(key.qpos) not in (0, n_q):
             spec.delete(key)
+
+
+def _drop_switched_off(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Remove constraints that the file's own flags switch off: a scene, whose flags are others, would apply them."""
+    off, flags = int(model.opt.disableflags), mujoco.mjtDisableBit
+    if off & (int(flags.mjDSBL_EQUALITY) | int(flags.mjDSBL_CONSTRAINT)):
+        for equality in list(spec.equalities):
+            spec.delete(equality)
+    if off & (int(flags.mjDSBL_LIMIT) | int(flags.mjDSBL_CONSTRAINT)):
+        for tendon in spec.tendons:
+            tendon.limited = mujoco.mjtLimited.mjLIMITED_FALSE
 
 
 def _joint_width(joint: mujoco.MjsJoint) -> int:

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from sim.world.solids.distance_grid import DistanceGrid
 
 from .arm import ArmError
+from .body_tree import hangs_below
 from .clearance import ARM_MARGIN_M, surface_points
-from .scene import MOUNT, Scene
+from .probe_room import MOUNT
+from .scene import Scene
 
 TABLE_TOLERANCE_M = 1e-3
 """A base that stands on the table may be modelled this much below its own origin."""
@@ -71,7 +73,7 @@ def _base_points(model: mujoco.MjModel) -> NDArray[np.float64]:
     points_m = []
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
-        is_fixed = model.body_weldid[body] == 0 and _hangs_below(model, body, mount)
+        is_fixed = model.body_weldid[body] == 0 and hangs_below(model, body, mount)
         if is_fixed and model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_PLANE:
             R_world_geom = data.geom_xmat[geom].reshape(3, 3)
             points_m.append(data.geom_xpos[geom] + surface_points(model, geom) @ R_world_geom.T)
@@ -79,10 +81,3 @@ def _base_points(model: mujoco.MjModel) -> NDArray[np.float64]:
         points_m.append(data.xanchor[:1])
     R_world_mount = data.xmat[mount].reshape(3, 3)
     return (np.vstack(points_m) - data.xpos[mount]) @ R_world_mount
-
-
-def _hangs_below(model: mujoco.MjModel, body: int, ancestor: int) -> bool:
-    """Whether a body is another, or hangs from it."""
-    while body not in (0, ancestor):
-        body = int(model.body_parentid[body])
-    return body == ancestor

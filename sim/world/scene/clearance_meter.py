@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .clearance import ARM_MARGIN_M, FAR_M, PROBE_MARGIN_M, Clearance, Collision
-from .scene import MOUNT, Scene
+from .probe_room import MOUNT
+from .scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class ClearanceMeter:
         self._model = copy.copy(scene.model)
         # The margins of the two geoms of a pair add up.
         self._model.geom_margin[:] = FAR_M / 2.0
+        self._model.pair_margin[:] = FAR_M
         self._data = mujoco.MjData(self._model)
         self._clearance = clearance
 

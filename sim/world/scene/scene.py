@@ -14,7 +14,8 @@ from sim.world.anatomy.anatomy import Anatomy
 from sim.world.frames import quaternion_matrix
 from sim.world.solids.solid import Solid
 
-from .arm import MODELS_DIR, ArmModel
+from .arm import MODELS_DIR, ArmError, ArmModel
+from .probe_room import MOUNT, ProbeRoom
 
 ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
 TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
@@ -22,8 +23,6 @@ TARGET_RGBA = (0.94, 0.80, 0.94, 1.0)
 STRUCTURE_RGBA = (0.30, 0.42, 0.62, 0.85)
 KEEPOUT_RGBA = (0.16, 0.45, 0.30, 0.95)
 CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
-MOUNT = "mount"
-"""The body that carries the arm's base, and whose pose in the world is where the arm stands."""
 MIN_MESH_EXTENT_M = 1e-4
 """Tumours thinner than this have no volume that MuJoCo could integrate."""
 
@@ -54,6 +53,8 @@ class Scene:
     """True where no arm carries the probe: its body is then a mocap body."""
     arm_geoms: frozenset[int] = field(default_factory=frozenset)
     """Geom ids of arm and probe that can collide."""
+    notices: tuple[str, ...] = ()
+    """What is unusual about the arm."""
 
     @property
     def T_world_base(self) -> NDArray[np.float64]:
@@ -104,7 +105,9 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
     for index, target in enumerate(anatomy.target.tumours if anatomy.target else ()):
         _add_solid(spec, f"target{index}", target, TARGET_RGBA, Group.TARGET)
     _add_cone(spec, cone)
-    model = spec.compile()
+    model, notices = spec.compile(), ()
+    if arm is not None:
+        model, notices = _with_probe_mounted(spec, model, home_q, arm)
     return Scene(
         model=model,
         anatomy=anatomy,
@@ -112,6 +115,7 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
         home_q=home_q,
         free_probe=arm is None,
         arm_geoms=_collision_geoms(model),
+        notices=notices,
     )
 
 
@@ -155,6 +159,38 @@ def _exclude_neighbours(spec: mujoco.MjSpec, flange: str) -> None:
         is_link = body.name.startswith("arm_") and parent.name.startswith("arm_")
         if is_link and body.joints and _is_fixed(parent):
             spec.add_exclude(bodyname1=parent.name, bodyname2=body.name)
+
+
+def _with_probe_mounted(
+    spec: mujoco.MjSpec, model: mujoco.MjModel, home_q: NDArray[np.float64], arm: ArmModel
+) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+    """The model with contacts between the probe and the link before it where they can meet, and what is to be said.
+
+    Raises:
+        ArmError: The probe stands in its neighbours, whatever the arm does.
+    """
+    room = ProbeRoom(model, home_q, "probe_tip")
+    direction = room.direction()
+    if obstacle := room.obstacle():
+        raise ArmError(
+            f"{arm.path}: {obstacle}{'; ' + direction if direction else ''}. Turn the flange, name another with "
+            "`flange`, or remove what is in the probe's way from the file."
+        )
+    said = f"{arm.path.name}: {direction}, and the probe presses along it. If that is not meant, turn the flange, or "
+    notices = (said + "name another with `flange`.",) if direction else ()
+    pairs = room.contacts()
+    for pair in pairs:
+        names = [_named_geom(spec, geom) for geom in pair]
+        # Contacts that are named in pairs are found where MuJoCo leaves out neighbours otherwise.
+        spec.add_pair(geomname1=names[0], geomname2=names[1])
+    return (spec.compile() if pairs else model), notices
+
+
+def _named_geom(spec: mujoco.MjSpec, geom: int) -> str:
+    """The name of a compiled spec's geom; one without a name is given one."""
+    found = next(each for each in spec.geoms if each.id == geom)
+    found.name = found.name or f"{found.parent.name}_{geom}"
+    return found.name
 
 
 def _is_fixed(body: mujoco.MjsBody) -> bool:

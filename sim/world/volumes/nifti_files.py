@@ -12,6 +12,7 @@ from nibabel.openers import Opener
 from numpy.typing import NDArray
 
 from .grid import METRES_PER_UNIT, Grid
+from .nifti_places import remarks_on_place
 
 LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0])
 
@@ -28,12 +29,6 @@ def read_nifti(path: Path) -> Grid:
     unit = METRES_PER_UNIT.get(str(header.get_xyzt_units()[0]), 1e-3)
     T = np.eye(4)
     T[:3] = LPS_FROM_RAS @ np.asarray(image.affine, dtype=np.float64)[:3] * unit
-    notices = []
-    if not int(header["sform_code"]) and not int(header["qform_code"]):
-        notices.append(
-            "the header names no patient axes; its grid is taken for LAS, as NIfTI prescribes: "
-            "check left and right"
-        )
     slope, intercept = header.get_slope_inter()
     return Grid(
         shape=tuple(int(n) for n in image.shape),
@@ -43,7 +38,9 @@ def read_nifti(path: Path) -> Grid:
         is_streamed=True,
         slope=1.0 if slope is None else float(slope),
         intercept=0.0 if intercept is None else float(intercept),
-        notices=notices,
+        notices=remarks_on_place(
+            header, np.asarray(image.affine, dtype=np.float64), image.shape, unit_mm=unit * 1e3
+        ),
         is_compressed=path.suffix.lower() == ".gz",
     )
 

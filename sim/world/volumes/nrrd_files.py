@@ -13,10 +13,16 @@ import numpy as np
 from nrrd.reader import _determine_datatype
 from numpy.typing import NDArray
 
+from sim.world.text import decoded
+
 from .grid import METRES_PER_UNIT, Grid
+from .label_names import segment_names
 
 CHUNK_BYTES = 1 << 20
 """Packed bytes that are read at once."""
+
+MOST_HEADER_BYTES = 16 << 20
+"""No header is longer: thousands of segments take some hundred bytes each."""
 
 LPS_SIGNS = {
     "left-posterior-superior": (1, 1, 1),
@@ -36,7 +42,7 @@ def read_nrrd(path: Path) -> Grid:
         ValueError: The header lacks a field, or contradicts itself. pynrrd raises errors of its own on others.
     """
     with path.open("rb") as file:
-        header = nrrd.read_header(file)
+        header = nrrd.read_header(_header_lines(file))
         start = file.tell()
     missing = [key for key in ("dimension", "type", "encoding", "sizes") if key not in header]
     if missing:
@@ -53,9 +59,28 @@ def read_nrrd(path: Path) -> Grid:
         T_lps_voxel=T,
         layers=lambda n: _parts(np.frombuffer(_payload(path, header, start, n_bytes), dtype), shape, n),
         notices=notices,
-        label_names=_segment_names(header),
+        label_names=segment_names(header),
         is_compressed=str(header["encoding"]).lower() not in ("raw",),
     )
+
+
+def _header_lines(file: BinaryIO) -> list[str]:
+    """The lines of a header up to the blank one that ends it, where the file is then left.
+
+    Raises:
+        ValueError: The first line is not that of an NRRD file, or the header does not end.
+    """
+    lines = [decoded(file.readline(MOST_HEADER_BYTES))]
+    if not lines[0].startswith("NRRD"):
+        raise ValueError("the first bytes are not those of an NRRD header")
+    n_bytes = 0
+    while lines[-1].strip():
+        line = file.readline(MOST_HEADER_BYTES)
+        n_bytes += len(line)
+        if n_bytes >= MOST_HEADER_BYTES:
+            raise ValueError(f"the header does not end within {MOST_HEADER_BYTES:,} bytes")
+        lines.append(decoded(line))
+    return lines
 
 
 def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], list[str]]:
@@ -64,7 +89,8 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
     space = str(header.get("space", "")).lower().replace(" ", "-")
     if space not in LPS_SIGNS:
         notices.append(
-            "the header names no patient axes that are known; LPS is assumed: check left and right"
+            "the header names no patient axes that are known; LPS is assumed, as in ITK and 3D Slicer, so that the map "
+            "will lie on the scan there: check left and right"
         )
     flip = np.diag(np.array(LPS_SIGNS.get(space, (1, 1, 1)), dtype=np.float64))
     unit = METRES_PER_UNIT.get(str((header.get("space units") or ["mm"])[0]), 1e-3)
@@ -82,21 +108,24 @@ def _affine(header: dict[str, Any], n_axes: int) -> tuple[NDArray[np.float64], l
             notices.append(
                 "the header gives no spacing; 1 mm is assumed: pass `spacing_mm` X Y Z if it is not"
             )
+        T[:3, 3] = flip @ _first_voxel(header, spacings) * unit
+        return T, notices
     origin = np.asarray(header.get("space origin", np.zeros(3)), dtype=np.float64)
     T[:3, 3] = flip @ origin * unit
     return T, notices
 
 
-def _segment_names(header: dict[str, Any]) -> dict[int, str]:
-    """The names that 3D Slicer gives the labels in a .seg.nrrd."""
-    names = {}
-    for index in range(1000):
-        name, value = header.get(f"Segment{index}_Name"), header.get(f"Segment{index}_LabelValue")
-        if name is None:
-            break
-        if value is not None and str(value).isdecimal():
-            names[int(value)] = str(name)
-    return names
+def _first_voxel(header: dict[str, Any], spacings: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where the middle of the first voxel lies in a header without directions, in its unit, shape (3,)."""
+    if header.get("space origin") is not None:
+        return np.asarray(header["space origin"], dtype=np.float64)
+    lows = header.get("axis mins", header.get("axismins"))
+    if lows is None or not np.isfinite(lows[:3]).all():
+        return np.zeros(3)
+    # A cell begins half a step before its middle; a node is its own middle. Without a word they are cells.
+    kinds = [str(kind).lower() for kind in header.get("centerings", ())] + ["cell"] * 3
+    is_cell = np.array([kind != "node" for kind in kinds[:3]])
+    return np.asarray(lows, dtype=np.float64)[:3] + np.where(is_cell, 0.5 * spacings, 0.0)
 
 
 def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:

@@ -41,6 +41,10 @@ class Volume:
     notices: tuple[str, ...] = ()
     label_names: Mapping[int, str] = field(default_factory=dict)
 
+    def label_text(self, label: int) -> str:
+        """A label with its name, if the file gives it one."""
+        return f"{label} {self.label_names[label]!r}" if label in self.label_names else str(label)
+
     @property
     def spacing_m(self) -> NDArray[np.float64]:
         """Distance between neighbouring voxels along each axis [m], shape (3,)."""
@@ -54,12 +58,7 @@ class Volume:
     @property
     def orientation(self) -> str:
         """Direction in which each axis mainly runs, for example LPS or RAS."""
-        directions = self.T_lps_voxel[:3, :3] / self.spacing_m
-        letters = []
-        for column in directions.T:
-            axis = int(np.abs(column).argmax())
-            letters.append(AXIS_LETTERS[axis][int(column[axis] > 0)])
-        return "".join(letters)
+        return orientation_of(self.T_lps_voxel[:3, :3])
 
     @property
     def obliquity_rad(self) -> float:
@@ -71,6 +70,19 @@ class Volume:
     def is_oblique(self) -> bool:
         """Whether the grid is turned off the patient's axes."""
         return self.obliquity_rad > OBLIQUE_RAD
+
+
+def orientation_of(axes: NDArray[np.float64]) -> str:
+    """Direction in which each axis of a grid mainly runs, for example LPS or RAS.
+
+    Args:
+        axes: The axes in LPS as columns, of any length, shape (3, 3).
+    """
+    letters = []
+    for column in axes.T:
+        axis = int(np.abs(column).argmax())
+        letters.append(AXIS_LETTERS[axis][int(column[axis] > 0)])
+    return "".join(letters)
 
 
 def shifted(T_lps_voxel: NDArray[np.float64], box: tuple[slice, ...]) -> NDArray[np.float64]:

@@ -274,7 +274,7 @@ def test_truncated_and_flipped_files_never_give_another_error(tmp_path):
 def test_a_missing_file_a_folder_and_another_format_are_refused(tmp_path):
     with pytest.raises(MeshError, match="no such file"):
         load_mesh(tmp_path / "absent.stl")
-    with pytest.raises(MeshError, match="no such file"):
+    with pytest.raises(MeshError, match="is a folder; name the file in it"):
         load_mesh(tmp_path)
     (tmp_path / "organ.step").write_text("x")
     with pytest.raises(

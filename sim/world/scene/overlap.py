@@ -1,0 +1,100 @@
+"""Overlap: how deep a round geom stands in another one, by the true shape of both.
+
+MuJoCo takes the convex hull of a mesh, within which there may be all the room in the world, as between the fingers of
+a gripper. Where the hull is overlapped, the mesh's triangles decide: the depth is that of their deepest point in the
+round geom. It is found by halving triangles, since a distance changes by no more than the way gone.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FAR_M = 10.0
+"""Distances beyond this are not measured further."""
+LEAF_M = 2.5e-4
+"""Triangles are halved until none of their points is farther than this from their centroid."""
+MAX_LEAVES = 20_000
+"""Most triangles that are halved at a time: the deepest, of a mesh that lies in the geom with many."""
+HALF_TURN = 0.5
+"""Where the triangles wind about a point more often than this, it is inside the mesh."""
+
+
+def overlap_m(model: mujoco.MjModel, data: mujoco.MjData, round_geom: int, geom: int) -> float:
+    """How deep a sphere, capsule or cylinder and another geom overlap [m]; 0 where they do not.
+
+    Args:
+        model: The scene.
+        data: A state whose kinematics are up to date.
+        round_geom: The id of a sphere, capsule or cylinder.
+        geom: The id of a geom of any kind but a plane or a height field.
+    """
+    depth_m = -mujoco.mj_geomDistance(model, data, round_geom, geom, FAR_M, None)
+    if depth_m <= 0.0 or model.geom_dataid[geom] < 0:
+        return max(0.0, float(depth_m))
+    triangles_m = _triangles_in(model, data, geom, round_geom)
+    if abs(_winding(triangles_m)) > HALF_TURN:
+        return float(depth_m)
+    return max(0.0, -_least_distance_m(triangles_m, model, round_geom))
+
+
+def _triangles_in(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame_geom: int) -> Array:
+    """The triangles of a mesh in the frame of another geom [m], shape (N, 3 corners, 3)."""
+    mesh = int(model.geom_dataid[geom])
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    vertices_m = model.mesh_vert[first : first + count].astype(np.float64)
+    R_world_geom, R_world_frame = (data.geom_xmat[each].reshape(3, 3) for each in (geom, frame_geom))
+    world_m = data.geom_xpos[geom] + vertices_m @ R_world_geom.T
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    return ((world_m - data.geom_xpos[frame_geom]) @ R_world_frame)[model.mesh_face[first : first + count]]
+
+
+def _winding(triangles_m: Array) -> float:
+    """How often triangles wind about the origin: 1 in a closed mesh, 0 outside (Van Oosterom and Strackee, 1983)."""
+    a, b, c = triangles_m.transpose(1, 0, 2)
+    la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    solid = la * lb * lc
+    for first, second, length in ((a, b, lc), (b, c, la), (c, a, lb)):
+        solid += np.einsum("ij,ij->i", first, second) * length
+    return float(np.arctan2(volume, solid).sum() / (2.0 * np.pi))
+
+
+def _least_distance_m(triangles_m: Array, model: mujoco.MjModel, geom: int) -> float:
+    """The least signed distance of triangles' points, in a round geom's frame, from its surface [m]."""
+    least_m = np.inf
+    while len(triangles_m):
+        centroids_m = triangles_m.mean(axis=1)
+        reach_m = np.linalg.norm(triangles_m - centroids_m[:, None], axis=2).max(axis=1)
+        distance_m = _round_distance_m(model, geom, centroids_m)
+        least_m = min(least_m, float(distance_m.min()))
+        bound_m = distance_m - reach_m
+        rows = np.flatnonzero((reach_m > LEAF_M) & (bound_m < min(least_m - LEAF_M, 0.0)))
+        rows = rows[np.argsort(bound_m[rows])[:MAX_LEAVES]]
+        triangles_m = _halves(triangles_m[rows])
+    return least_m
+
+
+def _round_distance_m(model: mujoco.MjModel, geom: int, points_m: Array) -> Array:
+    """Signed distance of points, in its own frame, from a sphere, capsule or cylinder [m], shape (N,)."""
+    radius_m, half_m = model.geom_size[geom, :2]
+    beyond_m = np.abs(points_m[:, 2]) - half_m
+    across_m = np.hypot(points_m[:, 0], points_m[:, 1])
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return np.linalg.norm(points_m, axis=1) - radius_m
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return np.hypot(across_m, np.maximum(beyond_m, 0.0)) - radius_m
+    outside_m = np.hypot(np.maximum(across_m - radius_m, 0.0), np.maximum(beyond_m, 0.0))
+    return outside_m + np.minimum(np.maximum(across_m - radius_m, beyond_m), 0.0)
+
+
+def _halves(triangles_m: Array) -> Array:
+    """Triangles cut in two at the middle of their longest edge, shape (2 N, 3, 3)."""
+    lengths_m = np.linalg.norm(np.roll(triangles_m, -1, axis=1) - triangles_m, axis=2)
+    order = (lengths_m.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(triangles_m, order[..., None], axis=1).transpose(1, 0, 2)
+    middle = (a + b) / 2.0
+    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])

@@ -1,0 +1,249 @@
+"""Probe room: whether the probe has room at the flange, and where the flange looks.
+
+MuJoCo reports no contacts between the probe and what it counts as its neighbours: the body that carries it, what hangs
+from that body, and the link before. So these are looked at once, when a scene is built, by their true shapes:
+
+- what moves with the flange (a palm, fingers): its place beside the probe is the same in every configuration, since
+  joints beside the chain stay at home;
+- the link before, in configurations of the joints between. One that the probe meets in some of them gets contacts with
+  the probe, as all other links have; one that it meets in all of them leaves no room.
+
+A probe has to be mounted somewhere: within `MOUNT_M` of the flange it may stand in the link that carries it, and in the
+link before, but not in what has joints of its own.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.frames import quaternion_matrix
+
+from .body_tree import hangs_below, joints_above
+from .overlap import overlap_m
+
+MOUNT = "mount"
+"""The body that carries the arm's base, and whose pose in the world is where the arm stands."""
+MOUNT_M = 0.05
+"""This much of the probe, from the flange on, may stand in the link that carries it [m]: crude arms end in a ball about
+the flange, and half of a clamp of 34 mm radius may be countersunk."""
+LEAST_OVERLAP_M = 5e-4
+"""Less than this is a matter of how shapes were rounded [m]."""
+N_CONFIGURATIONS = 64
+"""Configurations of the joints between the link before and the flange, besides home."""
+APART_M = 0.01
+"""A joint nearer to the flange than this gives it no direction [m]."""
+ACROSS_COSINE, BACK_COSINE = 0.5, -0.5
+"""A flange lies across where its +z is 60 to 120 degrees off the direction in which the arm leads to it, and looks back
+beyond that."""
+ALONG_AXIS_COSINE = np.cos(np.deg2rad(30.0))
+"""A last joint that turns about the beam, to this angle, leaves no doubt about a flange that lies across the arm."""
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """What the probe stands in."""
+
+    name: str
+    """Of the geom, or of its body where it has none, as in the arm's file."""
+    depth_m: float
+    """How deep, at home."""
+    moves_along: bool
+    """Whether it moves with the flange; it is the link before where not."""
+
+    def __str__(self) -> str:
+        """The obstacle as a sentence without its full stop."""
+        depth = f"by {self.depth_m * 1e3:.0f} mm"
+        if self.moves_along:
+            return (
+                f"the probe overlaps {self.name}, which moves with the flange, {depth} in every configuration"
+            )
+        return f"the probe overlaps {self.name} {depth}, and still does however the joints between them turn"
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """In which configurations two geoms overlap, home first."""
+
+    whole: NDArray[np.bool_]
+    """With all of the probe's geom, shape (1 + N_CONFIGURATIONS,)."""
+    beyond: NDArray[np.bool_]
+    """With what of it lies beyond the mount, likewise."""
+
+
+class ProbeRoom:
+    """The neighbours of a scene's probe."""
+
+    def __init__(self, model: mujoco.MjModel, home_q: NDArray[np.float64], tip_site: str) -> None:
+        """Find the neighbours in a compiled scene whose arm has the home `home_q`."""
+        self._model, self._tip = model, model.site(tip_site).id
+        self._data = mujoco.MjData(model)
+        self._home_q = home_q
+        probe = int(model.site_bodyid[self._tip])
+        self._chain = joints_above(model, probe)
+        self._carrier = int(model.body_weldid[probe])
+        before = int(model.body_weldid[model.body_parentid[self._carrier]])
+        arm = _colliding(model, below=model.body(MOUNT).id)
+        self._probe = [geom for geom in arm if model.geom_bodyid[geom] == probe]
+        # The part of the probe beyond its mount, which no link may hold.
+        self._beyond = _without_mount(model, self._probe, self._tip)
+        welds = {
+            geom: int(model.body_weldid[model.geom_bodyid[geom]]) for geom in arm if geom not in self._probe
+        }
+        self._carrying = [geom for geom, weld in welds.items() if weld == self._carrier]
+        self._before = [geom for geom, weld in welds.items() if weld == before]
+        self._beside = [
+            geom for geom, weld in welds.items() if weld != self._carrier and self._moves_along(weld)
+        ]
+
+    def obstacle(self) -> Obstacle | None:
+        """What leaves the probe no room in any configuration: the one that it stands in deepest, or None."""
+        always_before = self._always_before()
+        self._set(self._home_q)
+        found = [
+            Obstacle(self._name(geom), self._depth_m(self._model, self._probe, geom), moves_along)
+            for geoms, model, moves_along in (
+                (self._beside, self._model, True),
+                (self._carrying, self._beyond, True),
+                (always_before, self._beyond, False),
+            )
+            for geom in geoms
+            if self._depth_m(model, self._probe, geom) > LEAST_OVERLAP_M
+        ]
+        return max(found, key=lambda each: each.depth_m, default=None)
+
+    def contacts(self) -> list[tuple[int, int]]:
+        """Pairs of a geom of the probe and one of the link before that meet in some configurations and not in all."""
+        return [
+            pair
+            for pair, meeting in self._meetings.items()
+            if meeting.beyond.any() and not meeting.whole.all()
+        ]
+
+    def direction(self) -> str | None:
+        """Where a flange looks that does not look away from the arm, as a phrase, or None.
+
+        The arm leads to the flange from the last hinge that lies apart from it; joints after that one are taken in the
+        middle of their ranges.
+        """
+        model, data = self._model, self._data
+        hinges = [joint for joint in self._chain if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE]
+        self._set(self._home_q)
+        flange_m, apart = self._flange_m(), None
+        q = self._home_q.copy()
+        for joint in reversed(hinges):
+            if np.linalg.norm(flange_m - data.xanchor[joint]) > APART_M:
+                apart = joint
+                break
+            if model.jnt_limited[joint]:
+                q[model.jnt_qposadr[joint]] = model.jnt_range[joint].mean()
+        if apart is None:
+            return None
+        self._set(q)
+        way_m, beam = self._flange_m() - data.xanchor[apart], data.site_xmat[self._tip].reshape(3, 3)[:, 2]
+        cosine = float(way_m @ beam / max(float(np.linalg.norm(way_m)), APART_M))
+        is_along_axis = abs(float(data.xaxis[hinges[-1]] @ beam)) > ALONG_AXIS_COSINE
+        if cosine >= ACROSS_COSINE or (cosine > BACK_COSINE and is_along_axis):
+            return None
+        looks = "looks back into the arm" if cosine <= BACK_COSINE else "lies across the arm"
+        angle_deg = np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        return (
+            f"the flange's +z {looks}, {angle_deg:.0f} degrees off the direction in which the arm leads to it"
+        )
+
+    def _moves_along(self, body: int) -> bool:
+        """Whether all joints of the chain move a body, so that it stays where it is beside the probe."""
+        return joints_above(self._model, body)[: len(self._chain)] == self._chain
+
+    def _always_before(self) -> list[int]:
+        """Geoms of the link before in which the probe beyond its mount stands in every configuration."""
+        return [
+            geom
+            for geom in self._before
+            if np.any([self._meetings[probe, geom].beyond for probe in self._probe], axis=0).all()
+        ]
+
+    @cached_property
+    def _meetings(self) -> dict[tuple[int, int], Meeting]:
+        """When each geom of the probe meets each one of the link before."""
+        meetings = {}
+        for probe, geom in product(self._probe, self._before):
+            whole, beyond = np.zeros((2, 1 + N_CONFIGURATIONS), dtype=bool)
+            for row, q in enumerate(self._configurations()):
+                self._set(q)
+                whole[row] = self._depth_m(self._model, [probe], geom) > LEAST_OVERLAP_M
+                beyond[row] = whole[row] and self._depth_m(self._beyond, [probe], geom) > LEAST_OVERLAP_M
+            meetings[probe, geom] = Meeting(whole, beyond)
+        self._set(self._home_q)
+        return meetings
+
+    def _configurations(self) -> NDArray[np.float64]:
+        """Home, and configurations that differ from it in the joints of the link that carries the probe."""
+        model, rng = self._model, np.random.default_rng(0)
+        q = np.tile(self._home_q, (1 + N_CONFIGURATIONS, 1))
+        first = int(model.body_jntadr[self._carrier])
+        for joint in range(first, first + int(model.body_jntnum[self._carrier])):
+            column = int(model.jnt_qposadr[joint])
+            low, high = model.jnt_range[joint] if model.jnt_limited[joint] else q[0, column] + (-np.pi, np.pi)
+            q[1:, column] = rng.uniform(low, high, N_CONFIGURATIONS)
+        return q
+
+    def _depth_m(self, model: mujoco.MjModel, probe: list[int], geom: int) -> float:
+        """How deep the present configuration has the probe in a geom [m]; its mount is left out with that model."""
+        mujoco.mj_kinematics(model, self._data)
+        return max(
+            (overlap_m(model, self._data, each, geom) for each in probe if model.geom_size[each, 0] > 0.0),
+            default=0.0,
+        )
+
+    def _flange_m(self) -> NDArray[np.float64]:
+        return self._data.xpos[self._model.site_bodyid[self._tip]].copy()
+
+    def _set(self, q: NDArray[np.float64]) -> None:
+        self._data.qpos[:] = q
+        mujoco.mj_kinematics(self._model, self._data)
+
+    def _name(self, geom: int) -> str:
+        name = self._model.geom(geom).name or self._model.body(self._model.geom_bodyid[geom]).name
+        return name.removeprefix("arm_")
+
+
+def _colliding(model: mujoco.MjModel, *, below: int) -> list[int]:
+    """Ids of the geoms that hang below a body and take part in collisions; a plane has no end to look at."""
+    endless = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+    return [
+        geom
+        for geom in range(model.ngeom)
+        if (model.geom_contype[geom] or model.geom_conaffinity[geom])
+        and int(model.geom_type[geom]) not in endless
+        and hangs_below(model, int(model.geom_bodyid[geom]), below)
+    ]
+
+
+def _without_mount(model: mujoco.MjModel, probe: list[int], tip: int) -> mujoco.MjModel:
+    """A copy of a scene whose probe begins `MOUNT_M` from the flange; geoms that end before have no size."""
+    cut = copy.copy(model)
+    beam = quaternion_matrix(model.site_quat[tip])[:, 2]
+    for geom in probe:
+        # Where a geom lies is then taken from its own numbers, and not from a body's frame that it shared.
+        cut.geom_sameframe[geom] = 0
+        is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
+        is_cylinder = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
+        along_m, cap_m = float(model.geom_pos[geom] @ beam), 0.0 if is_cylinder else model.geom_size[geom, 0]
+        half_m = cap_m + (model.geom_size[geom, 1] if is_capsule or is_cylinder else 0.0)
+        end_m = along_m + half_m
+        if end_m - 2.0 * half_m >= MOUNT_M:
+            continue
+        left_m = (end_m - MOUNT_M) / 2.0 - cap_m
+        if left_m <= 0.0:
+            cut.geom_size[geom] = 0.0
+            continue
+        cut.geom_size[geom, 1] = left_m
+        cut.geom_pos[geom] += (end_m - cap_m - left_m - along_m) * beam
+    return cut

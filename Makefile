@@ -1,4 +1,4 @@
-# make episode, make paper, make test, make check: each sets up .venv first. `make help` lists all.
+# Each of make episode, make paper, make test and make check sets up .venv first. `make help` lists all targets.
 
 SCENARIO ?= liver
 PLANNER ?= expected-improvement
@@ -14,13 +14,13 @@ TESTS ?=
 .PHONY: help setup setup-dev episode paper doctor test check format docs clean
 
 help:
-	@echo "make episode   set up, then run one episode; ends with its folder and results"
+	@echo "make episode   set up what is missing, run one episode, and tell its folder and results"
 	@echo "               SCENARIO=liver|sphere|spheres|FILE.toml PLANNER=expected-improvement|find-and-outline|random|..."
 	@echo "               STEPS=30 SEED=0 ARM=default|none|FILE.xml FRAMES=each|last|none OUT=folder ARGS='more options'"
 	@echo "make paper     run the paper's experiments and write docs/results.md and its figures (JOBS=2 processes)"
-	@echo "make doctor    what is installed, what renders, and what to do about each red line"
-	@echo "make test      set up what is missing and run the tests (TESTS='tests/test_cone.py -k volume' for some)"
-	@echo "make check     linter, formatter and type checker"
+	@echo "make doctor    say what is installed, what renders, and what to do about each red line"
+	@echo "make test      set up what is missing and run the tests (TESTS='tests/planner/test_cone.py -k volume' for some)"
+	@echo "make check     run the linter, the formatter and the type checker"
 	@echo "make format    let the formatter and the linter rewrite the code"
 	@echo "make docs      build the pages in docs/ into site/"
 	@echo "make clean     remove .venv and caches; runs in renders/ stay"
@@ -36,7 +36,7 @@ episode: setup
 	@.venv/bin/sounding episode --scenario $(SCENARIO) --planner $(PLANNER) --steps $(STEPS) --seed $(SEED) \
 		--arm $(ARM) --frames $(FRAMES) --out $(OUT) $(if $(filter file,$(origin OUT)),--overwrite) $(ARGS)
 
-# Goes on where it was stopped; after a change of the code, ARGS=--overwrite begins anew.
+# The campaign goes on where it was stopped; after a change of the code, ARGS=--overwrite begins it anew.
 paper:
 	@FRAMES=none sh .ci/setup
 	@.venv/bin/sounding trials --study paper --jobs $(JOBS) --out renders/paper $(ARGS)
@@ -46,7 +46,7 @@ doctor:
 	@FRAMES=none sh .ci/setup
 	@.venv/bin/sounding doctor
 
-# One BLAS thread: the pools of numpy and scipy fight over the cores when both have more.
+# With one BLAS thread each, the pools of NumPy and SciPy do not take the cores from each other.
 test: setup-dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n auto --maxprocesses 4 $(TESTS)
 

@@ -14,13 +14,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mapping import HilbertMap, MapSpace, Prediction, TumourMap
+    from mapping import HilbertMap, MapSpace, Prediction, TumourMap, make_hilbert_map
     from planner import Planner, Situation, make_planner
     from sim.campaign.campaign import run_trials
     from sim.campaign.study import make_study
     from sim.comparison.compare import compare
     from sim.episode.episode import Episode
     from sim.episode.scenario import Scenario
+    from sim.episode.scenario_file import load_scenario
     from sim.episode.setup import build_setup
     from sim.reach.study import reach_study
     from sim.record.run_record import load_run
@@ -48,6 +49,8 @@ _HOMES = {
     "build_setup": "sim.episode.setup",
     "compare": "sim.comparison.compare",
     "load_run": "sim.record.run_record",
+    "load_scenario": "sim.episode.scenario_file",
+    "make_hilbert_map": "mapping",
     "make_planner": "planner",
     "make_study": "sim.campaign.study",
     "named_arm": "sim.world.scene.named_arms",
@@ -74,6 +77,8 @@ __all__ = [
     "build_setup",
     "compare",
     "load_run",
+    "load_scenario",
+    "make_hilbert_map",
     "make_planner",
     "make_study",
     "named_arm",

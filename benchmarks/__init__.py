@@ -1,1 +1,1 @@
-"""Measured speed and quality of the map; run one with `python -m benchmarks.<name>`."""
+"""Benchmarks: programs that measure speed and quality; `python -m benchmarks.<name>` runs one."""

@@ -1,7 +1,7 @@
 """How many sensings a search needs to touch a ball in the paper's organ: `python -m benchmarks.blind_search`.
 
-Geometry alone, without map and readings: before anything is found, what a search does next does not depend on the
-truth, so one sequence of poses is held against any number of planted balls. No planner is told their radius, but for
+Only geometry counts, without map and readings: before anything is found, what a search does next does not depend on the
+truth, so one sequence of poses is held against any number of planted balls. No planner is told their radius, except in
 the last row.
 """
 
@@ -33,9 +33,9 @@ class Options:
     radii_mm: tuple[float, ...] = (6.0, 12.0, 20.0)
     """Radii of the planted balls [mm]."""
     n_balls: int = 300
-    """Balls planted of each radius."""
+    """Number of balls that are planted of each radius."""
     n_sensings: int = 120
-    """Length of a search; balls never touched count as this."""
+    """Length of a search, with which balls that are never touched count."""
 
 
 def planted(setup: Setup, radius_m: float, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -70,7 +70,8 @@ def sequence(
             sensed=tuple(sensed),
             rng=rng,
         )
-        if isinstance(planner, FindAndOutline):  # no map, so nothing to outline
+        if isinstance(planner, FindAndOutline):
+            # Without a map there is nothing to outline, so only the search counts.
             score = planner.search_score(situation)
             score[sensed] = -1.0
             sensed.append(int(np.argmax(score)))
@@ -80,7 +81,7 @@ def sequence(
 
 
 def pair_sequence(setup: Setup, n: int, planner: FindAndOutline | None = None) -> list[int]:
-    """The poses of a search that looks one step ahead: the better half of the best pair, some fifty firsts tried."""
+    """The poses of a search that looks a step ahead: the better half of the best pair, with some fifty first halves."""
     planner, sensed = planner or FindAndOutline(), []
     balls = hidden_balls(
         setup.workspace, setup.cone, setup.search_points_m, setup.surface_distance_m, planner.balls
@@ -111,7 +112,7 @@ def touches(
 def first_touch(
     setup: Setup, sensed: list[int], centres_m: NDArray[np.float64], radius_m: float
 ) -> NDArray[np.intp]:
-    """Number of the sensing that first touches each ball, shape (B,); the last where none does."""
+    """The number of the sensing that first touches each ball, shape (B,); the last where none does."""
     some = Workspace(setup.workspace.positions_m[sensed], setup.workspace.normals[sensed])
     hits = touches(some, setup, centres_m, radius_m)
     return np.where(hits.any(axis=1), hits.argmax(axis=1) + 1, len(sensed))
@@ -152,7 +153,7 @@ def main(options: Options) -> None:
 
 
 def print_row(label: str, counts: list[NDArray[np.intp]]) -> None:
-    """One line of the table."""
+    """Print one line of the table."""
     cells = [f"{count.mean():6.1f} /{np.quantile(count, 0.95):4.0f}" for count in counts]
     print(f"{label:36s}" + "   ".join(cells), flush=True)
 

@@ -4,8 +4,8 @@
         [--gamma-spacing2 0.52 0.70] [--insets off on] [--planner random] [--readings 50]
         [--figure docs/figures/calibration.png]
 
-A planner's episode gives the readings, without an arm; every setting of the map learns the same ones. Expected
-improvement plans on the paper's map: under a low prior it would stay at the first tumour.
+A planner's episode without an arm gives the readings, and every setting of the map learns the same ones. Expected
+improvement plans on the paper's map, since under a low prior it would stay at the first tumour.
 
 Points inside the organ count when the map is in doubt, 0.02 < p < 0.98: a map that says 0 everywhere has none
 and fails. The slope is that of a logistic regression of the truth on the map's log odds (1 is calibrated, above
@@ -14,7 +14,7 @@ and fails. The slope is that of a logistic regression of the truth on the map's 
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -139,7 +139,7 @@ def default_gamma_spacing2() -> float:
     return MapSettings().gamma_per_m2 * MapSettings().hinge_spacing_m ** 2
 
 
-def main() -> None:
+def parsed_arguments() -> Namespace:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="first seed")
@@ -150,31 +150,34 @@ def main() -> None:
     parser.add_argument("--insets", nargs="+", choices=("off", "on"), default=["off"])
     parser.add_argument("--planner", nargs="+", choices=PLANNERS, default=list(PLANNERS))
     parser.add_argument("--figure", type=Path, default=None)
-    arguments = parser.parse_args()
+    return parser.parse_args()
+
+
+def setting(gamma_spacing2: float, prevalence: float, variance: float, insets: str) -> Choice:
+    """The settings of a map, and of its insets where they are on."""
+    settings = MapSettings(
+        gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
+        prior_prevalence=prevalence,
+        weight_variance=variance,
+    )
+    return settings, InsetSettings() if insets == "on" else None
+
+
+def main() -> None:
+    arguments = parsed_arguments()
     answers = {}
     print(
         "| planner | gamma spacing^2 | prior prevalence | weight variance | insets | points in doubt "
         "| calibration error | slope | skill | AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    asked = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
-    choices = list(product(*asked))
-    settings = [
-        (
-            MapSettings(
-                gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
-                prior_prevalence=prevalence,
-                weight_variance=variance,
-            ),
-            InsetSettings() if insets == "on" else None,
-        )
-        for gamma_spacing2, prevalence, variance, insets in choices
-    ]
+    lists = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
+    choices = list(product(*lists))
+    settings = [setting(*choice) for choice in choices]
     with threadpool_limits(1):
         for planner in arguments.planner:
-            for choice, answer in zip(
-                choices, collect(planner, seeds, arguments.readings, settings), strict=True
-            ):
+            found = collect(planner, seeds, arguments.readings, settings)
+            for choice, answer in zip(choices, found, strict=True):
                 names = [planner, *(f"{value:.3g}" for value in choice[:-1]), str(choice[-1])]
                 answers[", ".join(names)] = answer
                 numbers = [f"{value:.3g}" for value in summary(answer).values()]

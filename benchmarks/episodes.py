@@ -1,4 +1,4 @@
-"""Many episodes of one scenario and planner, and what they add up to: `python -m benchmarks.episodes --help`."""
+"""Many episodes of one scenario and planner, with a summary: `python -m benchmarks.episodes --help`."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Options:
     """Run seeds FIRST to FIRST + COUNT - 1 of an episode and print a row each and a summary."""
 
     episode: tyro.conf.OmitArgPrefixes[EpisodeConfig]
-    """The episode; its seed is replaced."""
+    """The episode, whose seed is replaced."""
     first: int = 0
     """First seed."""
     count: int = 20
     """Number of seeds."""
     jobs: int = 2
-    """Processes."""
+    """Number of processes."""
     at: tuple[int, ...] = (10, 20, 30, 50)
     """Numbers of actions after which AUPRC is reported."""
 
@@ -40,7 +40,7 @@ def _setup(config: EpisodeConfig) -> Setup:
 
 
 def run_seed(config: EpisodeConfig, at: tuple[int, ...]) -> dict[str, Any]:
-    """One episode's row."""
+    """The row of an episode."""
     with threadpool_limits(limits=1):
         setup, parts = _setup(replace(config, seed=0)), make_parts(config)
         episode = Episode(

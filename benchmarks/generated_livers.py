@@ -2,9 +2,9 @@
 
     python -m benchmarks.generated_livers --count 200
 
-Prints volumes, extents and shapes, and for the first seeds tumour loads as planted, and draws
-docs/figures/generated_livers.png. LiTS: 1,586 +- 447 ml (Bilic et al. 2023); volume over that of the convex hull
-0.775 +- 0.05 and sphericity 0.73, as measured on 92 of its outlines.
+It prints volumes, extents and shapes, and for the first seeds the tumour loads as planted, and draws
+docs/figures/generated_livers.png. The livers of LiTS have 1,586 +- 447 ml (Bilic et al. 2023); on 92 of their outlines,
+volume over that of the convex hull is 0.775 +- 0.05, and sphericity 0.73.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SheetOptions:
     first: int = 0
     """First seed."""
     loads: int = 16
-    """Of so many of them tumours are planted too, which takes longer."""
+    """In so many of them tumours are planted too, which takes longer."""
     out: Path = PAGE_FIGURE
 
 
@@ -52,7 +52,7 @@ def main() -> None:
     options = tyro.cli(SheetOptions, description=__doc__)
     organs, n_poses = [], []
     for seed in tqdm(range(options.first, options.first + options.count), unit="liver"):
-        scenario = case_of(seed)
+        scenario = scenario_of_seed(seed)
         placed, _ = placed_organ(scenario, None)
         assert is_closed(placed.organ.faces), seed
         organs.append(placed.organ)
@@ -69,14 +69,14 @@ def main() -> None:
     draw(planted[:N_DRAWN], options)
 
 
-def case_of(seed: int) -> Scenario:
-    """The case of a seed."""
+def scenario_of_seed(seed: int) -> Scenario:
+    """The scenario of a seed."""
     return scenario_of(config_of(scenario="generated-liver", seed=seed))
 
 
 def plant(seed: int) -> LoadedAnatomy:
-    """A seed's liver with its tumours, in patient axes."""
-    setup = build_setup(case_of(seed), None, MapSettings())
+    """The liver of a seed with its tumours, in patient axes."""
+    setup = build_setup(scenario_of_seed(seed), None, MapSettings())
     anatomy = make_truth(setup, np.random.default_rng(seed).spawn(3)[0]).anatomy
     T = np.linalg.inv(setup.T_world_organ)
     tumours = tuple(each.transformed(T) for each in anatomy.tumours)
@@ -84,7 +84,7 @@ def plant(seed: int) -> LoadedAnatomy:
 
 
 def print_shapes(organs: list[Solid]) -> None:
-    """Mean, deviation and range of what tells a liver's shape."""
+    """Print mean, deviation and range of what tells the shape of a liver."""
     volumes_m3 = np.array([organ.volume_m3 for organ in organs])
     extents_m = np.array([organ.extents_m[[0, 2, 1]] for organ in organs])
     hulls_m3 = np.array([ConvexHull(organ.vertices_m).volume for organ in organs])

@@ -9,7 +9,7 @@ neither mink nor SciPy looks at contacts.
 
     python -m benchmarks.ik --effort liver sphere
 
-asks every pose of a scenario, stand-off included, twice with different sets of starts, and asks those called
+solves every pose of a scenario, stand-off included, twice with different sets of starts, and tries those called
 unreachable again from 60 configurations drawn at random.
 """
 
@@ -28,6 +28,7 @@ from sim.episode.scenario import SCENARIOS
 from sim.reach.workcell import Workcell, build_workcell
 from sim.world.ik.damped_least_squares import AXIS_WEIGHT_M
 from sim.world.ik.kinematics import Kinematics
+from sim.world.ik.result import IkResult
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
 from sim.world.scene.named_arms import named_arm
@@ -100,31 +101,23 @@ def run(workcell: Workcell, name: str, positions_m, normals) -> None:
         angle_tolerance_rad=ANGLE_TOLERANCE_RAD,
         standoff_m=0.0,
     )
-    search, kinematics = (
-        workcell.make_search(settings),
-        Kinematics(workcell.scene, workcell.clearance, settings),
-    )
+    search = workcell.make_search(settings)
+    kinematics = Kinematics(workcell.scene, workcell.clearance, settings)
     plain = PlainMink(workcell)
-
-    def one_by_one(solve):
-        start_s = perf_counter()
-        found = [solve(p, n) for p, n in zip(positions_m, normals, strict=True)]
-        return found, perf_counter() - start_s
-
+    one_by_one = {
+        "search and mink, one by one": lambda p, n: answer_of(kinematics.solve(p, n)),
+        "mink from home": lambda p, n: plain.solve(p, n, n_restarts=0),
+        f"mink, {N_RESTARTS} random restarts": lambda p, n: plain.solve(p, n, n_restarts=N_RESTARTS),
+        f"SciPy, {N_RESTARTS} random restarts": lambda p, n: scipy_solve(search, p, n),
+    }
     start_s = perf_counter()
     answers = search.search(positions_m, normals)
     batch_s = perf_counter() - start_s
-    rows = {
-        "search, all poses together": ([r.q if r.is_reached else None for r in answers.results], batch_s),
-        "search and mink, one by one": one_by_one(
-            lambda p, n: r.q if (r := kinematics.solve(p, n)).is_reached else None
-        ),
-        "mink from home": one_by_one(lambda p, n: plain.solve(p, n, n_restarts=0)),
-        f"mink, {N_RESTARTS} random restarts": one_by_one(
-            lambda p, n: plain.solve(p, n, n_restarts=N_RESTARTS)
-        ),
-        f"SciPy, {N_RESTARTS} random restarts": one_by_one(lambda p, n: scipy_solve(search, p, n)),
-    }
+    rows = {"search, all poses together": ([answer_of(each) for each in answers.results], batch_s)}
+    for method, solve in one_by_one.items():
+        start_s = perf_counter()
+        found = [solve(p, n) for p, n in zip(positions_m, normals, strict=True)]
+        rows[method] = found, perf_counter() - start_s
     for method, (found, taken_s) in rows.items():
         is_solved = [q is not None for q in found]
         is_free = [q is not None and kinematics.collision(q) is None for q in found]
@@ -133,6 +126,11 @@ def run(workcell: Workcell, name: str, positions_m, normals) -> None:
             f"| {name} | {method} | {np.mean(is_solved):.1%} | {np.mean(is_free):.1%} | {ms:.2f} |",
             flush=True,
         )
+
+
+def answer_of(result: IkResult):
+    """The joints of an answer; None where the pose is not reached."""
+    return result.q if result.is_reached else None
 
 
 class PlainMink:

@@ -2,8 +2,8 @@
 
     python -m benchmarks.large_files --out /tmp/large
 
-Makes label volumes of 512 x 512 x 900 voxels (0.7 x 0.7 x 0.8 mm: thorax to pelvis) as gzipped NIfTI of two types,
-with a liver of two lobes and four tumours, and a mesh of 2 million triangles. Then prints processor seconds and the
+It makes label volumes of 512 x 512 x 900 voxels (0.7 x 0.7 x 0.8 mm: thorax to pelvis) as gzipped NIfTI of two types,
+with a liver of two lobes and four tumours, and a mesh of 2 million triangles. Then it prints processor seconds and the
 largest resident memory of `sounding inspect`, and of an episode of three actions with the arm.
 """
 
@@ -30,7 +30,7 @@ LOBES_MM = (((-50.0, 0.0, 0.0), (90.0, 72.0, 78.0)), ((45.0, 25.0, 25.0), (75.0,
 """Middle and half axes of the lobes, RAS about the middle of the scan."""
 TUMOURS_MM = (((-80.0, 10.0, 10.0), 18.0), ((-30.0, -20.0, 25.0), 9.0), ((60.0, 30.0, 30.0), 12.0),
               ((-60.0, 30.0, -25.0), 6.0))  # fmt: skip
-"""Middle and radius."""
+"""Middle and radius of the tumours, RAS about the middle of the scan."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +38,13 @@ class Options:
     """Make large files and measure what it takes to load them."""
 
     out: Path
-    """Where the files are made; they take some 100 MB and are kept."""
+    """Folder in which the files are made, which take some 100 MB and are kept."""
     shape: tuple[int, int, int] = SHAPE
     spacing_mm: tuple[float, float, float] = SPACING_MM
     triangles: int = N_TRIANGLES
-    """Of the mesh, at least."""
+    """Least number of triangles of the mesh."""
     steps: int = 3
-    """Actions of the episode."""
+    """Number of actions of the episode."""
 
 
 def write_volume(path: Path, options: Options, dtype: type[np.integer]) -> None:
@@ -62,7 +62,7 @@ def write_volume(path: Path, options: Options, dtype: type[np.integer]) -> None:
 
 
 def _slice(options: Options, k: int) -> NDArray[np.uint8]:
-    """Labels of the voxels of one height, shape (I, J)."""
+    """The labels of the voxels of one height, shape (I, J)."""
     x_mm, y_mm, z_mm = (
         (np.arange(n) - 0.5 * (n - 1)) * step
         for n, step in zip(options.shape, options.spacing_mm, strict=True)
@@ -89,7 +89,7 @@ def write_mesh(path: Path, n_triangles: int) -> None:
 
 
 def measured(arguments: list[str]) -> tuple[float, float, int]:
-    """Seconds of processor time, largest resident memory [MiB] and exit code of a `sounding` command."""
+    """The seconds of processor time, the largest resident memory [MiB] and the exit code of a `sounding` command."""
     process = os.posix_spawn(
         sys.executable,
         [sys.executable, "-m", "sim.cli", *arguments],
@@ -113,7 +113,7 @@ def make_files(options: Options) -> None:
 def main() -> None:
     """Make the files, and print a line per file and command."""
     options = tyro.cli(Options, description=__doc__)
-    # In a process of its own: what a parent once took counts as its children's.
+    # The files are made in a process of its own, since memory that a parent once took counts for its children.
     making = multiprocessing.get_context("spawn").Process(target=make_files, args=(options,))
     making.start()
     making.join()

@@ -1,11 +1,10 @@
 """Time, memory and quality as the number of hinges grows, with as many query points as hinges.
 
-    python -m benchmarks.map_scaling [--hinges 361 2890 23120 185000] [--readings 6] [--figure
-    docs/figures/scaling.png]
+    python -m benchmarks.map_scaling [--hinges 361 2890 23120 185000] [--readings 6] [--figure docs/figures/scaling.png]
 
-Two ways to grow: `organ`, a larger box at the paper's spacing, and `resolution`, a finer lattice in the
-paper's box with
-gamma spacing^2 = 0.70, 3 EM iterations. Each size runs in a process of its own, so that its peak memory is its own.
+There are two ways to grow: `organ`, a larger box at the paper's spacing, and `resolution`, a finer lattice in the
+paper's box. Both have gamma spacing^2 = 0.70 and 3 EM iterations. Each size runs in a process of its own, so that its
+peak memory is its own.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ def in_own_process(growth: str, n_hinges: int, n_readings: int, n_threads: int) 
 
 
 def grown_box_m(growth: str, counts: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Corners of the box that the hinges fill: it grows with them, or they come closer."""
+    """The corners of the box that the hinges fill: it grows with them, or they lie closer."""
     if growth == "resolution":
         low_m, high_m = np.array(BOX_M, dtype=float)
         return low_m, high_m
@@ -74,7 +73,7 @@ def grown_box_m(growth: str, counts: tuple[int, int, int]) -> tuple[np.ndarray, 
 
 
 def map_settings(lattice: Lattice) -> MapSettings:
-    """The kernel of the paper's width in spacings, in the form that the size asks for."""
+    """The settings with the paper's kernel, as wide in spacings, and the form of belief that suits the size."""
     spacing_m = float(lattice.axes_m[0][1] - lattice.axes_m[0][0])
     return MapSettings(
         hinge_spacing_m=spacing_m,
@@ -96,7 +95,8 @@ def measure(growth: str, n_hinges: int, n_readings: int) -> dict:
     times, ranks, touched = [], [], []
     for number, pose in enumerate(candidate_poses(pose_rng, n_readings)):
         apex_m = pose.apex_m * (*scale[:2], 1.0)
-        if number % 2:  # every second cone looks at a tumour, so that the map has something to find
+        # Every second cone looks at a tumour, so that the map has something to find.
+        if number % 2:
             apex_m = np.array([*truth.centres_m[number // 2 % 3, :2], 0.0])
         points_m = cone_points(Pose(apex_m, pose.axis), sensor_rng, box_m=(low_m, high_m))
         start = perf_counter()

@@ -97,11 +97,11 @@ def report(rows, answers, n_readings: int, n_dense: int) -> None:
         )
         ratio = wall_ms[base] / wall_ms[name]
         print(f"| {name} | {median:.0f} | {least:.0f} | {cpu:.0f} | {ratio:.0f} | {error or ' | '} |")
-    print(f"\n{n_readings} readings, timed after 20; the dense forms {n_dense}. BLAS threads as asked.")
+    print(f"\n{n_readings} readings, timed after 20; the dense forms take {n_dense}. BLAS has `--threads`.")
 
 
 def report_draws(settings: MapSettings, readings, n_samples: int = 100) -> None:
-    """What it costs to carry draws of whole maps along and to spread them over the lattice."""
+    """Print what it costs to carry draws of whole maps along and to spread them over the lattice."""
     plain, drawing = make_map(settings), make_map(settings)
     drawing.carry_samples(n_samples, rng=np.random.default_rng(0))
     costs = []

@@ -1,4 +1,4 @@
-"""Motion on a scenario's random poses: how many straight transfers collide, what replaces them, and what it costs.
+"""Motion between random poses of a scenario: how many straight transfers collide, and what paths in their place cost.
 
 python -m benchmarks.motion --scenario liver --poses 100
 """
@@ -13,8 +13,9 @@ from threadpoolctl import threadpool_limits
 from mapping import MapSettings
 from sim.episode.arm_motion import make_motion_model
 from sim.episode.scenario_file import load_scenario
-from sim.episode.setup import build_setup
+from sim.episode.setup import Setup, build_setup
 from sim.world.motion.path_check import PathCheck
+from sim.world.motion.settings import MotionKind
 from sim.world.scene.arm import ArmModel
 
 
@@ -35,30 +36,29 @@ def main() -> None:
         n_hit = sum(not check.is_free(np.stack(pair)) for pair in pairwise(lifted))
         print(f"{options.scenario}: {len(poses)} reached poses, straight transfers that collide: {n_hit}")
         for kind in ("none", "kinematic", "servo"):
-            chosen = poses[: options.servo_poses] if kind == "servo" else poses
-            motion_model, data, took_s, motions = (
-                make_motion_model(setup, kind),
-                setup.scene.new_data(),
-                [],
-                [],
-            )
-            for pose in chosen:
-                start_s = process_time()
-                motions.append(motion_model.move(data, pose))
-                took_s.append(process_time() - start_s)
-            median_ms, mean_ms, worst_ms = 1e3 * np.array([np.median(took_s), np.mean(took_s), max(took_s)])
-            done = [motion for motion in motions if motion.is_done]
-            print(
-                f"{kind:9}: {len(done)} of {len(chosen)} done; CPU {median_ms:.0f} ms median, "
-                f"{mean_ms:.0f} mean, {worst_ms:.0f} worst; "
-                f"motion {np.mean([motion.motion_s for motion in done]):.2f} s mean"
-            )
-            if kind == "servo":
-                error_mm = 1e3 * max(motion.tracking_error_m for motion in done)
-                forces_n = [motion.contact_force_n for motion in done]
-                peak_n = max(motion.peak_force_n for motion in done)
-                print(f"           tracking error at sensing at most {error_mm:.3f} mm;", end=" ")
-                print(f"force {min(forces_n):.2f} to {max(forces_n):.2f} N, peak {peak_n:.2f} N")
+            report(setup, kind, poses[: options.servo_poses] if kind == "servo" else poses)
+
+
+def report(setup: Setup, kind: MotionKind, poses: list[int]) -> None:
+    """Move through the poses, and print what it took."""
+    motion_model, data = make_motion_model(setup, kind), setup.scene.new_data()
+    took_s, motions = [], []
+    for pose in poses:
+        start_s = process_time()
+        motions.append(motion_model.move(data, pose))
+        took_s.append(process_time() - start_s)
+    median_ms, mean_ms, worst_ms = 1e3 * np.array([np.median(took_s), np.mean(took_s), max(took_s)])
+    done = [motion for motion in motions if motion.is_done]
+    print(
+        f"{kind:9}: {len(done)} of {len(poses)} done; CPU {median_ms:.0f} ms median, {mean_ms:.0f} mean, "
+        f"{worst_ms:.0f} worst; motion {np.mean([motion.motion_s for motion in done]):.2f} s mean"
+    )
+    if kind == "servo":
+        error_mm = 1e3 * max(motion.tracking_error_m for motion in done)
+        forces_n = [motion.contact_force_n for motion in done]
+        peak_n = max(motion.peak_force_n for motion in done)
+        print(f"           tracking error at sensing at most {error_mm:.3f} mm;", end=" ")
+        print(f"force {min(forces_n):.2f} to {max(forces_n):.2f} N, peak {peak_n:.2f} N")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Does it help to know how often the sensor errs? Labels flipped at random, maps with and without the rates.
+"""Does it help to know how often the sensor errs? Labels are flipped at random, for maps with and without the rates.
 
 python -m benchmarks.noisy_labels [--seeds 20] [--readings 50] [--rate 0.05]
 """

@@ -1,6 +1,6 @@
 """The paper's tables and figures beside its numbers: `make paper`, or `python -m benchmarks.paper --help`.
 
-Takes the campaign of the study `paper`, and rewrites the part of docs/results.md between its markers.
+It takes the campaign of the study `paper`, and rewrites the part of docs/results.md between its markers.
 """
 
 from __future__ import annotations
@@ -37,18 +37,19 @@ class Options:
     """Write the results of the study `paper`."""
 
     campaign: Path = Path("renders/paper")
-    """Folder of its campaign."""
+    """Folder of the study's campaign."""
     figures: Path = ROOT / "renders" / "curated" / "paper"
     """Folder for the figures that the page shows."""
     page: Path = ROOT / "docs" / "results.md"
     """The page whose part between the markers is rewritten."""
     views: bool = True
-    """Also run one seed of each method again for the views of its map."""
+    """Run one seed of each method again as well, for the views of its map."""
     jobs: int = 2
+    """Number of processes that draw the views."""
 
 
 def main(options: Options) -> None:
-    """Compare, draw and write."""
+    """Compare the campaign's planners, draw the figures, and write the page."""
     compare((options.campaign,))
     everything = compare_groups(load_groups([options.campaign]))
     ten = compare_groups(load_groups([options.campaign], seeds=range(10)))
@@ -68,7 +69,7 @@ def main(options: Options) -> None:
 
 
 def draw_figures(options: Options, ten: Comparison, everything: Comparison) -> None:
-    """Those figures of the comparison that the page shows."""
+    """Draw those figures of the comparison that the page shows."""
     FIGURES["sensings"](options.figures / "sensings-ten.png", ten, SPHERE)
     for name in ("sensings", "reached"):
         FIGURES[name](options.figures / f"{name}-{slug(SPHERE)}.png", everything, SPHERE)
@@ -79,12 +80,12 @@ def draw_figures(options: Options, ten: Comparison, everything: Comparison) -> N
 
 
 def image(name: str, caption: str) -> str:
-    """A figure as the page refers to it."""
+    """The text by which the page shows a figure."""
     return f"![{caption}](../renders/curated/paper/{name}.png)"
 
 
 def scenario_1(ten: Comparison, everything: Comparison) -> str:
-    """The table of sensings until 95 %, and the pairs."""
+    """The section about sensings until 95 %: its table, the pairs and the figures."""
     rows = []
     for planner in PLANNERS:
         cells = [sensings_text(part, case, planner) for part, case in ((ten, SPHERE), (everything, SPHERE))]
@@ -106,7 +107,7 @@ def scenario_1(ten: Comparison, everything: Comparison) -> str:
 
 
 def sensings_text(comparison: Comparison, case: str, planner: str) -> str:
-    """One method's cell."""
+    """The cell of a method."""
     score = comparison.score(case, planner, "sensings_to_95")
     if score is None:
         return "–"
@@ -117,7 +118,7 @@ def sensings_text(comparison: Comparison, case: str, planner: str) -> str:
 
 
 def accuracy(comparison: Comparison, scenario: str) -> str:
-    """The table of the AUPRC at the end of one scenario."""
+    """The section about the AUPRC at the end of a scenario: its table, the pairs and the figures."""
     n_actions, paper = PAPER_AUPRC[scenario]
     rows = []
     for planner in PLANNERS:
@@ -147,7 +148,7 @@ def accuracy(comparison: Comparison, scenario: str) -> str:
 
 
 def views_section(options: Options) -> str:
-    """The views that were drawn, case by case."""
+    """The section of the views that were drawn, case by case."""
     parts = ["### Maps and poses"]
     for case, seed in VIEWS:
         parts.append(f"{case}, seed {seed}: from above and from the side, the poses numbered in their order.")
@@ -157,7 +158,7 @@ def views_section(options: Options) -> str:
 
 
 def write_views(options: Options, comparison: Comparison) -> None:
-    """Top and side views of the final maps of one seed per case."""
+    """Draw top and side views of the final maps of one seed per case."""
     for case, seed in VIEWS:
         groups = [g for g in comparison.groups_of(case) if case == SPHERE or g.contender == PLANNERS[0]]
         part = Comparison(tuple(groups), (), ())

@@ -1,9 +1,9 @@
-"""Every liver at hand, once around: loaded, laid before the arm, and sensed 30 times.
+"""Every patient's liver at hand: it is loaded, laid before the arm, and sensed 30 times.
 
     python -m benchmarks.patients --write
 
-Prints a table and, with --write, puts it into docs/organs.md. Cases are the folders of $SOUNDING_DATA/livers that hold
-a label volume or a mesh; those without tumours are given generated ones.
+It prints a table and, with --write, puts it into docs/organs.md. Patients are the folders of $SOUNDING_DATA/livers that
+hold a label volume or a mesh; those without tumours are given generated ones.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "organs.md"
 BEGIN, END = "<!-- table of patients: begin -->", "<!-- table of patients: end -->"
 N_GENERATED = 3
 N_REACH = 300
-"""Poses of the workspace that are asked for the reached share: to 3 % of it."""
+"""Poses of the workspace by which the reached share is judged: to 3 % of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +41,13 @@ class PatientsOptions:
     planner: str = "find-and-outline"
     seed: int = 0
     only: str = ""
-    """Cases whose name holds this."""
+    """Run only patients whose name holds this."""
     write: bool = False
     """Put the table into docs/organs.md."""
 
 
 def cases(only: str = "") -> list[tuple[str, dict[str, Any]]]:
-    """Name and files of each case: the label volume where there is one, and else the meshes."""
+    """The name and the files of each patient: the label volume where there is one, the meshes where there is none."""
     folder = Path(os.environ.get("SOUNDING_DATA", "../shared/data")) / "livers"
     found = []
     for case in sorted(path for path in folder.glob("*") if only in path.name):
@@ -64,7 +64,7 @@ def cases(only: str = "") -> list[tuple[str, dict[str, Any]]]:
 
 
 def run_case(files: dict[str, Any], options: PatientsOptions, out: Path) -> dict[str, Any]:
-    """The row of one case."""
+    """The row of one patient."""
     config = config_of(
         **files,
         n_tumours=N_GENERATED,

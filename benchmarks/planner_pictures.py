@@ -28,20 +28,20 @@ _MM_PER_M = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Which episode to draw."""
+    """Draw the episode of each planner."""
 
     scenario: str = "sphere"
-    """Its scenario."""
+    """Scenario of the episodes."""
     seed: int = 1001
-    """Its seed."""
+    """Seed of the episodes."""
     steps: int = 40
-    """Actions at most; an episode ends once 95 % was sensed."""
+    """Largest number of actions; an episode ends once 95 % was sensed."""
     out: Path = Path("docs/figures/planners.png")
     """The picture to write."""
 
 
 def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
-    """One planner's episode with a free probe."""
+    """The episode of a planner with a free probe, and its steps."""
     parts = make_parts(config_of(scenario=options.scenario, planner=planner, seed=options.seed, arm="none"))
     setup = build_setup(parts.scenario, None, parts.map_settings)
     episode = Episode(
@@ -51,7 +51,7 @@ def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
 
 
 def draw(axes: Axes, name: str, episode: Episode, steps: list[Step]) -> None:
-    """Footprints of the cones halfway down, numbered in order, with the true tumours."""
+    """Draw the footprints of the cones halfway down, numbered in order, with the true tumours."""
     for tumour in episode.truth.anatomy.tumours:
         low_m, high_m = tumour.bounds_m
         middle_mm = _MM_PER_M * (low_m + high_m)[:2] / 2
@@ -75,7 +75,7 @@ def draw(axes: Axes, name: str, episode: Episode, steps: list[Step]) -> None:
 
 
 def frame_outline(axes: Axes, positions_m: NDArray[np.float64]) -> None:
-    """Limits and labels in millimetres around the workspace."""
+    """Set limits and labels in millimetres around the workspace."""
     low_mm, high_mm = _MM_PER_M * positions_m.min(axis=0)[:2], _MM_PER_M * positions_m.max(axis=0)[:2]
     axes.set(xlim=(low_mm[0] - 8, high_mm[0] + 8), ylim=(low_mm[1] - 8, high_mm[1] + 8), aspect="equal")
     axes.set_xlabel("x [mm]", fontsize=8, color=MUTED)

@@ -1,7 +1,7 @@
 """Scores along the way, from campaigns: `python -m benchmarks.planner_scores FOLDER ... --at 30 50`.
 
-AUPRC after so many actions, which `sounding compare` draws as a curve, the most sensings that a trial took, and the
-time to plan one action.
+The scores are the AUPRC after some numbers of actions, which `sounding compare` draws as a curve, the most sensings
+that a trial took, and the time to plan one action.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ class Options:
     folders: tyro.conf.Positional[tuple[Path, ...]]
     """Folders of campaigns."""
     at: tuple[int, ...] = (30, 50)
-    """Numbers of actions."""
+    """Numbers of actions after which AUPRC is reported."""
     n_seeds: int | None = None
-    """Only seeds below this."""
+    """Look only at seeds below this."""
 
 
 def row(group: TrialGroup, at: tuple[int, ...]) -> list[str]:
-    """A group's line of the table."""
+    """The line of a group in the table."""
     curve, sensings = group.curve("auprc"), group.sensings_to_95()
     plan_s = sum(entry["timings"]["plan_s"] for entry in group.entries)
     plan_ms = 1e3 * plan_s / group.values("n_sensings").sum()
@@ -48,7 +48,7 @@ def row(group: TrialGroup, at: tuple[int, ...]) -> list[str]:
 
 
 def split(values: NDArray[np.float64], sensed_fraction: NDArray[np.float64]) -> str:
-    """Means of the trials that sensed `SENSED` of the tumours or more, and of those that missed more, with numbers."""
+    """The means over trials that sensed `SENSED` of the tumours or more, and over the others, with their numbers."""
     is_sensed = sensed_fraction >= SENSED
     parts = [values[mask] for mask in (is_sensed, ~is_sensed)]
     return " / ".join(f"{part.mean():.3f} ({part.size})" if part.size else "- (0)" for part in parts)

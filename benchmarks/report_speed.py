@@ -2,9 +2,9 @@
 
     python -m benchmarks.report_speed renders/first/report.html --loads 7
 
-Chromium without a window or a graphics card: the processor draws the page and, by SwiftShader, WebGL. Each load has a
-profile of its own. `drawn` is when the graphics process has finished the first complete picture (pixels can be read)
-and the next frame has begun.
+Chromium runs without a window or a graphics card: the processor draws the page and, by SwiftShader, WebGL. Each load
+has a profile of its own. `drawn` is when the graphics process has finished the first complete picture (pixels can be
+read) and the next frame has begun.
 """
 
 from __future__ import annotations
@@ -34,14 +34,16 @@ PROBE = """async () => {
 
 @dataclass(frozen=True)
 class Options:
-    """Reports to open."""
+    """Open reports, and measure how long they take to be drawn."""
 
     files: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """report.html of runs."""
+    """Files report.html of runs."""
     loads: int = 7
-    """How often each is opened."""
+    """How often each file is opened."""
     width_px: int = 1280
+    """Width of the page [pixels]."""
     height_px: int = 900
+    """Height of the page [pixels]."""
 
 
 def launch(driver: Any) -> Any:
@@ -53,7 +55,7 @@ def launch(driver: Any) -> Any:
 
 
 def load_once(browser: Any, file: Path, options: Options) -> dict[str, Any]:
-    """Milliseconds from the start of the navigation to the script's end and to the finished picture."""
+    """The milliseconds from the start of the navigation to the script's end and to the finished picture."""
     context = browser.new_context(viewport={"width": options.width_px, "height": options.height_px})
     page = context.new_page()
     page.goto(file.resolve().as_uri(), wait_until="commit", timeout=WAIT_S * 1e3)

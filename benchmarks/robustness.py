@@ -1,9 +1,9 @@
-"""Find-and-outline on what it was not tuned on, and how its stopping rule does: `python -m benchmarks.robustness`.
+"""Find-and-outline on scenarios that it was not tuned on, with its stopping rule: `python -m benchmarks.robustness`.
 
 Variations of the paper's scenario 1 with a free probe. Every episode runs until the planner is 95 % confident that
 nothing of 8 mm radius or more is left (6 mm where the tumours are that small), or until its actions are used up. So
-one run tells both how soon 95 % was sensed and whether the episode ended too early. Each episode is kept in `--out` as
-it ends; called again, the benchmark goes on where it was stopped. Begin another file after a change of the code.
+one run tells both how soon 95 % was sensed and whether the episode ended too early. The file `--out` keeps each episode
+as it ends, so the benchmark, called again, goes on where it was stopped. A change of the code needs a new file.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from sim.world.sensing.reading import Reading
 
 SENSED = 0.95
 NOISE_STREAM = 1
-"""Keeps the wrong labels apart from all else that a seed draws."""
+"""Number that keeps the wrong labels apart from everything else that a seed draws."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class Case:
 
     label: str
     changes: dict[str, Any] = field(default_factory=dict)
-    """Fields of the scenario."""
+    """Fields of the scenario that differ."""
     noise: float = 0.0
     """Share of the labels that the sensor gets wrong."""
     is_told: bool = False
     """Whether the map is told that share."""
     sure_radius_m: float = FindAndOutline().sure_radius_m
-    """Radius of the smallest tumours of which the stopping rule speaks [m]."""
+    """Radius of the smallest tumours that the stopping rule is about [m]."""
 
 
 CASES = (
@@ -68,26 +68,26 @@ CASES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Seeds, actions at most, and processes."""
+    """Run every variation on some seeds, and print a table."""
 
     seeds: int = 20
-    """Seeds 0, 1, 2, ... of every case but the first."""
+    """Number of seeds, from 0 on, of every case but the first."""
     first_seeds: int = 100
-    """Seeds of the first case, scenario 1 itself."""
+    """Number of seeds of the first case, scenario 1 itself."""
     steps: int = 150
-    """Sensing actions at most."""
+    """Largest number of sensing actions."""
     confidence: float = 0.95
-    """At which an episode ends."""
+    """Confidence at which an episode ends."""
     jobs: int = 2
-    """Processes."""
+    """Number of processes."""
     out: Path = Path("renders/robustness.jsonl")
-    """Where every episode is kept."""
+    """File that keeps every episode."""
     cases: tuple[int, ...] = tuple(range(len(CASES)))
     """Numbers of the cases to run."""
 
 
 class NoisyEpisode(Episode):
-    """An episode whose sensor gets a share of its labels wrong; where those fall has a stream of its own."""
+    """An episode whose sensor gets a share of its labels wrong, which are drawn from a stream of their own."""
 
     noise = 0.0
     noise_rng = np.random.default_rng(0)
@@ -105,7 +105,7 @@ def _setup(number: int) -> Setup:
 
 
 def settings_of(number: int, seed: int, options: Options) -> dict[str, Any]:
-    """What an episode is known by."""
+    """The settings by which an episode is known."""
     limits = {"steps": options.steps, "confidence": options.confidence}
     return {"case": CASES[number].label, "seed": seed, **limits}
 
@@ -134,7 +134,7 @@ def run_seed(number: int, seed: int, options: Options) -> Entry:
 def results(
     number: int, options: Options, pool: ProcessPoolExecutor, journal: Journal
 ) -> list[dict[str, Any]]:
-    """The episodes of a case, those that are not in the journal run first."""
+    """The episodes of a case, of which those that are not in the journal are run first."""
     seeds = range(options.first_seeds if number == 0 else options.seeds)
     keys = {seed: key_of(settings_of(number, seed, options)) for seed in seeds}
     jobs = [pool.submit(run_seed, number, seed, options) for seed in seeds if keys[seed] not in journal]
@@ -144,7 +144,7 @@ def results(
 
 
 def table_row(number: int, rows: list[dict[str, Any]], options: Options) -> list[str]:
-    """A case's line of the table."""
+    """The line of a case in the table."""
     n, stopped = len(rows), [row for row in rows if row["has_stopped"]]
     ends = [row["n_steps"] for row in stopped]
     end = f"{np.mean(ends):.0f} ({min(ends)}-{max(ends)})" if ends else "-"

@@ -1,8 +1,7 @@
 """Spheres hidden in the paper's box, and cones that sense them: the truth of every study of the map.
 
-A stand-in for the simulator, in numpy alone: the organ is the box under a flat surface, a pose is a point
-of the surface and a slightly tilted axis, and a reading is points even in volume in the cone with their
-true labels.
+It stands in for the simulator and needs only NumPy: the organ is the box under a flat surface, a pose is a point of the
+surface and a slightly tilted axis, and a reading is points even in volume in the cone with their true labels.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ class Spheres:
 
     @classmethod
     def planted(cls, rng: np.random.Generator, n_spheres: int = 3) -> Spheres:
-        """Returns spheres at the paper's depths of 1.2 to 2.8 units that do not touch."""
+        """Spheres at the paper's depths of 1.2 to 2.8 units that do not touch."""
         while True:
             centres_m = rng.uniform((-0.066, -0.066, -0.084), (0.066, 0.066, -0.036), (n_spheres, 3))
             gaps_m = np.linalg.norm(centres_m[:, None] - centres_m, axis=2) + np.eye(n_spheres)
@@ -47,7 +46,7 @@ class Pose:
 
 
 def candidate_poses(rng: np.random.Generator, n_poses: int) -> list[Pose]:
-    """Returns poses even over the surface, tilted by about 9 degrees as on the paper's bumpy surface."""
+    """Poses spread evenly over the surface, tilted by about 9 degrees as on the paper's bumpy surface."""
     apexes_m = np.column_stack([rng.uniform(-0.09, 0.09, (n_poses, 2)), np.zeros(n_poses)])
     axes = np.column_stack([rng.normal(0, 0.15, (n_poses, 2)), -np.ones(n_poses)])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -57,7 +56,7 @@ def candidate_poses(rng: np.random.Generator, n_poses: int) -> list[Pose]:
 def cone_points(
     pose: Pose, rng: np.random.Generator, n_points: int = 1000, box_m: ArrayLike = BOX_M
 ) -> NDArray[np.float64]:
-    """Returns points even in volume within the cone and the box."""
+    """Points even in volume within the cone and the box."""
     depth_m = DEPTH_M * rng.random(n_points) ** (1 / 3)
     radius_m = depth_m * np.tan(HALF_ANGLE_RAD) * np.sqrt(rng.random(n_points))
     angle_rad = rng.uniform(0, 2 * np.pi, n_points)
@@ -75,7 +74,7 @@ def cone_points(
 
 
 def make_map(settings: MapSettings, query_counts: tuple[int, int, int] = (22, 22, 13)) -> HilbertMap:
-    """Returns the prior map of the box, asked on the paper's lattice of 6,292 points."""
+    """The prior map of the box, queried on the paper's lattice of 6,292 points."""
     return HilbertMap(
         Lattice.from_box(*BOX_M, spacing_m=settings.hinge_spacing_m),
         settings,
@@ -86,7 +85,7 @@ def make_map(settings: MapSettings, query_counts: tuple[int, int, int] = (22, 22
 def random_readings(
     seed: int, n_readings: int, n_points: int = 1000
 ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.bool_]]]:
-    """Yields the readings of a random planner on the truth of a seed."""
+    """The readings of a random planner on the truth of a seed, one after the other."""
     truth_rng, pose_rng, sensor_rng = np.random.default_rng(seed).spawn(3)
     truth = Spheres.planted(truth_rng)
     for pose in candidate_poses(pose_rng, n_readings):
@@ -95,7 +94,7 @@ def random_readings(
 
 
 def map_by_random(seed: int, n_readings: int, settings: MapSettings) -> HilbertMap:
-    """Returns the map after random readings."""
+    """The map after random readings."""
     belief = make_map(settings)
     for points_m, is_occupied in random_readings(seed, n_readings):
         belief.update(points_m, is_occupied)
@@ -103,5 +102,5 @@ def map_by_random(seed: int, n_readings: int, settings: MapSettings) -> HilbertM
 
 
 def truth_of(seed: int, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Returns the truth of a seed at points."""
+    """The truth of a seed at points."""
     return Spheres.planted(np.random.default_rng(seed).spawn(3)[0]).contain(points_m)

@@ -32,17 +32,17 @@ class Options:
     campaign: Path = Path("renders/travel")
     """Folder of the campaign."""
     figure: Path = ROOT / "docs" / "figures" / "travel.png"
-    """Where the curve goes."""
+    """Picture of the curve to write."""
 
 
 def label_of(group: TrialGroup) -> str:
-    """The setting that the group is about."""
+    """The setting by which the group differs from others."""
     batch = group.setting("batch")
     return f"batch {batch}" if batch > 1 else f"weight {group.setting('travel_weight'):g}"
 
 
 def main(options: Options) -> None:
-    """Print and draw."""
+    """Print the table and draw the curve."""
     groups = load_groups([options.campaign])
     rows, means = [], []
     for group in groups:
@@ -55,7 +55,7 @@ def main(options: Options) -> None:
 
 
 def draw(path: Path, labels: list[str], means: np.ndarray) -> None:
-    """Mean actions against mean tip path and joint travel, a point per setting."""
+    """Draw mean actions against mean tip path and joint travel, with a point per setting."""
     figure = Figure(figsize=(8.0, 3.6), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, column, name in zip(figure.subplots(1, 2), (1, 2), list(MEASURES.values())[1:3], strict=True):

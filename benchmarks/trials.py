@@ -1,7 +1,7 @@
-"""How fast trials run, and on what the time goes: `python -m benchmarks.trials`.
+"""How fast trials run, and what takes their time: `python -m benchmarks.trials`.
 
-Runs trials of the paper's scenario 1 in this process, which is one core, and then a campaign with 1 and 2 processes.
-CPU time says what a quiet machine would take; wall time what this one took.
+It runs trials of the paper's scenario 1 in this process, which is one core, and then a campaign with 1 and 2 processes.
+CPU time says what a quiet machine would take, and wall time what this machine took.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sim.running.fields import config_of
 from sim.tables import markdown_table
 
 PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s")
-CASES = (
+ROWS = (
     ("expected-improvement", "none", "none"),
     ("random", "none", "none"),
     ("multi-resolution", "none", "none"),
@@ -37,9 +37,9 @@ class Options:
     """Measure trials of scenario 1 until 95 % is sensed."""
 
     trials: int = 10
-    """Seeds of each case; an arm is built anew for each case, with no pose solved before."""
+    """Number of seeds of each row; an arm is built anew for each row, with no pose solved before."""
     jobs: bool = True
-    """Also measure campaigns with 1 and 2 processes."""
+    """Measure campaigns with 1 and 2 processes as well."""
 
 
 def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
@@ -53,8 +53,9 @@ def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
         until_sensed=0.95,
         map="when-needed",
     )
-    run_trial(Trial(replace(config, scenario="spheres", steps=1)))  # drops the setup of the case before
-    run_trial(Trial(replace(config, steps=1, seed=10_000)))  # builds the setup
+    # The first trial drops the setup of the row before, and the second builds that of this row.
+    run_trial(Trial(replace(config, scenario="spheres", steps=1)))
+    run_trial(Trial(replace(config, steps=1, seed=10_000)))
     n_actions, parts, memory_mb = 0, dict.fromkeys(PARTS, 0.0), 0.0
     cpu_start_s, wall_start_s = process_time(), perf_counter()
     for seed in range(n_trials):
@@ -70,7 +71,7 @@ def measure(planner: str, arm: str, motion: str, n_trials: int) -> list[str]:
 
 
 def measure_jobs(n_jobs: int, folder: Path, n_trials: int = 60) -> float:
-    """Trials per second of a campaign, the start of its processes included."""
+    """The trials per second of a campaign, with the start of its processes included."""
     study = make_study(
         scenario="sphere",
         planner="expected-improvement",
@@ -87,7 +88,7 @@ def measure_jobs(n_jobs: int, folder: Path, n_trials: int = 60) -> float:
 def main(options: Options) -> None:
     """Measure and print."""
     head = ("planner", "arm", "motion", "actions", "actions/CPU s", "actions/s", *PARTS, "MB")
-    print(markdown_table(head, [measure(*case, options.trials) for case in CASES]))
+    print(markdown_table(head, [measure(*row, options.trials) for row in ROWS]))
     if options.jobs:
         with tempfile.TemporaryDirectory() as folder:
             one, two = (measure_jobs(n_jobs, Path(folder)) for n_jobs in (1, 2))

@@ -1,8 +1,7 @@
 """Whether a change of the code left the results as they were: `python -m benchmarks.unchanged --help`.
 
-`record` runs a study of all planners and two episodes with the code as it is; `compare OLD NEW` names the files that
-differ.
-The two commands that `record` runs work in older checkouts too, so that OLD can be recorded with the code before.
+`record` runs a study of all planners and two episodes with the code as it is, and `compare OLD NEW` names the files
+that differ. The commands that `record` runs work in older checkouts too, so OLD can be recorded with the code before.
 """
 
 from __future__ import annotations
@@ -34,9 +33,10 @@ class Record:
     """Run the study and the episodes into a folder."""
 
     folder: Annotated[Path, tyro.conf.Positional]
+    """Folder to write to."""
 
     def run(self) -> int:
-        """Run all; returns the exit code."""
+        """Run the study and the episodes, and return the exit code."""
         for name, options in EPISODES.items():
             out = ("--out", str(self.folder / name))
             subprocess.run([sys.executable, "-m", "sim.cli", "episode", *options, *out], check=True)
@@ -46,13 +46,15 @@ class Record:
 
 @dataclass(frozen=True)
 class Compare:
-    """Say which files of two such folders differ; measured seconds are left out."""
+    """Say which files of two such folders differ, without the measured seconds."""
 
     old: Annotated[Path, tyro.conf.Positional]
+    """Folder of the code before the change."""
     new: Annotated[Path, tyro.conf.Positional]
+    """Folder of the code after it."""
 
     def run(self) -> int:
-        """Compare all; returns 1 where a file differs."""
+        """Compare all files, and return 1 where a file differs, 0 otherwise."""
         names = [Path("trials/trials.csv"), Path("trials/curves.npz")]
         names += [file.relative_to(self.old) for file in sorted(self.old.glob("run-*/steps.csv"))]
         names += [file.relative_to(self.old) for file in sorted(self.old.glob("run-*/map.npz"))]
@@ -63,7 +65,7 @@ class Compare:
 
 
 def _content(file: Path) -> object:
-    """The bytes of a file; of steps.csv the cells, without the measured seconds."""
+    """The bytes of a file, or the cells of steps.csv without the measured seconds."""
     if file.name != "steps.csv":
         return file.read_bytes()
     with file.open(newline="", encoding="utf-8") as text:

@@ -14,9 +14,10 @@ def main() -> None:
         overwrite=True,
         show_progress=False,
     )
-    print(f"sensing actions        {summary['n_sensings']}")
-    print(f"tumour sensed          {summary['sensed_fraction']:.0%}")
-    print(f"AUPRC of the map       {summary['auprc']:.3f}")
+    print(f"sensing actions        {summary['n_sensings']:>5}")
+    print(f"tumour sensed          {summary['sensed_fraction']:>5.0%}")
+    print(f"actions until 95 %     {summary['sensings_to_95']:>5}")
+    print(f"AUPRC of the map       {summary['auprc']:>5.3f}")
     print(f"open {summary['folder']}/report.html in a browser")
 
 

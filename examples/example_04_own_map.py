@@ -1,8 +1,8 @@
 """A map of one's own: a point is what the nearest sensed points say, and what lies far from all stays unknown.
 
-From the command line, beside this file:
+From the command line, in the folder of this file:
 
-    sounding episode --planner random --map example_04_own_map:NearestPoints
+    sounding episode --planner random --map example_04_own_map:NearestPoints --map-option reach_m=0.02
 """
 
 from os import PathLike
@@ -42,13 +42,16 @@ class NearestPoints:
 
 
 def main() -> None:
-    for tumour_map in (NearestPoints, "always"):  # "always": the built-in Bayesian Hilbert map
-        summary = sounding.run_episode(
-            scenario="spheres", planner="random", tumour_map=tumour_map, arm="none", steps=30, seed=1, report=False,
-            out="renders/own-map", overwrite=True, show_progress=False,
-        )  # fmt: skip
-        name = getattr(tumour_map, "__name__", "HilbertMap")
-        print(f"{name:<14} AUPRC {summary['auprc']:.3f}, log loss {summary['log_loss']:.4f}")
+    setup = sounding.build_setup(sounding.load_scenario("spheres"))
+    planner = sounding.make_planner("random")  # looks at no map, so that both maps hear of the same places
+    print(f"{'map':<14} {'AUPRC':>7} {'log loss':>9}")
+    for make_map in (NearestPoints, sounding.make_hilbert_map):
+        episode = sounding.Episode(setup, planner, tumour_map=make_map, seed=1)
+        for _ in episode.steps(20):
+            pass  # each step tells of one action: pose, reading, scores
+        scores = episode.metrics()
+        assert scores is not None, "a map was kept"
+        print(f"{type(episode.tumour_map).__name__:<14} {scores.auprc:>7.3f} {scores.log_loss:>9.4f}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,7 @@
-"""An organ of one's own, made of arrays: vertices and faces in metres, in patient axes (LPS)."""
+"""An organ of one's own, made of arrays, with a tumour in it: surfaces in metres and in patient axes (LPS)."""
+
+import json
+from pathlib import Path
 
 import numpy as np
 import trimesh
@@ -6,23 +9,32 @@ import trimesh
 import sounding
 
 
-def main() -> None:
+def ellipsoid(
+    half_axes_m: tuple[float, float, float], centre_m: tuple[float, float, float]
+) -> trimesh.Trimesh:
+    """A closed surface from vertices, shape (N, 3), and faces, shape (M, 3): +x left, +y back, +z head."""
     ball = trimesh.creation.icosphere(subdivisions=4)
-    vertices_m = ball.vertices * np.array([0.08, 0.06, 0.045])  # an ellipsoid: +x left, +y back, +z head
-    organ = trimesh.Trimesh(vertices_m, ball.faces)
-    scenario = sounding.Scenario(name="ellipsoid", organ=organ, n_tumours=2, n_poses=500)
-    summary = sounding.run_episode(
-        scenario=scenario, steps=10, seed=4, out="renders/own-organ", overwrite=True, show_progress=False
-    )  # fmt: skip
-    print(f"poses out of reach     {summary['n_skipped_poses']}")
-    print(f"tumours sensed         {summary['sensed_fraction']:.0%}")
-    print(f"AUPRC of the map       {summary['auprc']:.3f}")
+    return trimesh.Trimesh(ball.vertices * np.array(half_axes_m) + np.array(centre_m), ball.faces)
 
-    # A patient's files instead, with everything that belongs to them in one record:
-    files = sounding.CaseFiles(
-        organ="liver.stl", tumours=("tumour.stl",), structures=("veins.stl",), unit="mm"
+
+def main() -> None:
+    organ = ellipsoid((0.08, 0.045, 0.06), (0.0, 0.0, 0.0))
+    tumour = ellipsoid((0.012, 0.008, 0.008), (-0.03, 0.0, 0.02))
+    # One record holds all that belongs to a patient; paths of files may stand in place of surfaces.
+    files = sounding.CaseFiles(organ=organ, tumours=(tumour,))
+    summary = sounding.run_episode(
+        scenario=sounding.Scenario(name="ellipsoid", files=files, n_poses=500),
+        steps=12,
+        out="renders/own-organ",
+        overwrite=True,
+        show_progress=False,
     )
-    print(f"files of a patient     {', '.join(files.paths)}")
+    (found,) = json.loads((Path(summary["folder"]) / "findings.json").read_text())["tumours"]
+    print(f"poses out of reach     {summary['n_skipped_poses']:>8}")
+    print(f"tumour sensed          {summary['sensed_fraction']:>8.0%}")
+    print(f"true volume            {tumour.volume * 1e6:>8.2f} ml")
+    print(f"mapped volume          {found['mapped_volume_m3'] * 1e6:>8.2f} ml")
+    print(f"error of its centre    {found['centroid_error_m'] * 1e3:>8.2f} mm")
 
 
 if __name__ == "__main__":

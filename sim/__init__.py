@@ -1,1 +1,1 @@
-"""The simulation: the world in MuJoCo, and the programs that people run."""
+"""The simulation: the world in MuJoCo, episodes in it, what they leave behind, and the commands that people run."""

@@ -1,4 +1,4 @@
-"""Closeable: what holds something open for as long as a `with` block lasts."""
+"""Objects that hold something open for as long as a `with` block lasts."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Self
 
 
 class Closeable(ABC):
-    """A context manager that is itself, and is closed at the end of the block."""
+    """An object that is the value of its own `with` block, and is closed at the block's end."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of what is held."""
+        """Release what is held."""
 
     def __enter__(self) -> Self:
-        """Itself."""
+        """The object itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close, whatever ended the block."""
+        """Close the object, whatever ended the block."""
         self.close()

@@ -6,7 +6,7 @@ from typing import Any
 
 
 class UsageError(Exception):
-    """Something that was wanted cannot be done; the text names the value and the remedy.
+    """What the user wants cannot be done; the text names the value and the remedy.
 
     Where the text speaks of a field that the user can set, the field's name stands in backticks. The command line
     writes it as its flag.

@@ -1,7 +1,7 @@
 """Ctrl-C that waits for a good moment.
 
 Python raises KeyboardInterrupt wherever it is, also in finalisers and callbacks whose exceptions it drops: a run
-would then go on as if nothing had been pressed. Here the first Ctrl-C is noted, and the loop asks for it.
+would then go on as if nothing had been pressed. Here the first Ctrl-C is noted, and the loop looks for it.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from typing import Any
 
 
 class NotedInterrupt:
-    """While entered, the first Ctrl-C only sets `is_set`; the second raises KeyboardInterrupt at once.
+    """A context in which the first Ctrl-C only sets `is_set`, and the second raises KeyboardInterrupt at once.
 
-    Outside the main thread, where Python lets nobody handle signals, it does nothing.
+    Outside the main thread, where Python lets nobody handle signals, the context does nothing.
     """
 
     def __init__(
         self,
         notice: str = "stopping after this action, whose results are kept; Ctrl-C again stops at once.",
     ) -> None:
-        """Not interrupted yet; `notice` is printed when that changes."""
+        """Begin without an interrupt; `notice` is printed at the first one."""
         self.is_set = False
         self._notice = notice
         self._before: Any = None

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 
 Notify = Callable[[str], None]
-"""Tells a person a sentence."""
+"""A function that tells a person a sentence."""
 
 
 def print_notice(text: str) -> None:

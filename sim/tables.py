@@ -18,7 +18,7 @@ class CsvTable:
     """A CSV table on an open text stream, written row by row."""
 
     def __init__(self, stream: TextIO, columns: Sequence[str]) -> None:
-        """Write the head."""
+        """Write the head, which holds the columns' names."""
         self._columns = tuple(columns)
         self._writer = csv.writer(stream, lineterminator="\n")
         self._writer.writerow(self._columns)
@@ -60,7 +60,7 @@ def columns_of(rows: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def table_cell(value: Any) -> Any:
-    """The text of a table's cell: floats with all their digits, None empty, truth as 0 or 1, lists as JSON."""
+    """The content of a table's cell: floats with all their digits, None empty, booleans as 0 or 1, lists as JSON."""
     if isinstance(value, bool | np.bool_):
         return int(value)
     if isinstance(value, float | np.floating):
@@ -70,8 +70,13 @@ def table_cell(value: Any) -> Any:
     return "" if value is None else value
 
 
+def nan_for_none(values: Iterable[float | None]) -> list[float]:
+    """The values, with NaN in the place of None."""
+    return [np.nan if value is None else value for value in values]
+
+
 def read_rows(path: Path) -> list[dict[str, str]]:
-    """The whole rows of a CSV file, none where it is missing; a last row that a kill cut short is left out."""
+    """The whole rows of a CSV file: none where it is missing, and no last row that was cut short by a kill."""
     if not path.is_file():
         return []
     with path.open(newline="", encoding="utf-8") as file:

@@ -1,1 +1,1 @@
-"""Campaigns: studies, the trials that they are made of, the journal of what is done, and its tables."""
+"""Campaigns: studies, the trials of which they consist, the journal of the trials that are done, and its tables."""

@@ -1,4 +1,4 @@
-"""The program behind `sounding trials`: the trials of a study that are not done yet, their journal and tables."""
+"""The program behind `sounding trials`: it runs the trials of a study that are not done yet, and writes its tables."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOTICE = (
 
 @dataclass(frozen=True)
 class CampaignSummary:
-    """What a call did, and what its folder holds."""
+    """What a call did, and what the campaign's folder holds."""
 
     folder: Path
     n_trials: int
@@ -31,6 +31,7 @@ class CampaignSummary:
     n_done: int
     """Trials that the folder holds, failed ones too."""
     n_failed: int
+    """Trials in the folder that failed, or whose worker died."""
     n_run: int
     """Trials that this call ran."""
     n_damaged: int
@@ -53,15 +54,15 @@ def run_trials(
     """Run the trials of a study that its folder does not hold yet, and write its tables.
 
     Args:
-        study: From `make_study` or `load_study`.
+        study: A study that `make_study` or `load_study` made.
         out: The campaign's folder.
-        jobs: Processes. The rows do not depend on it.
+        jobs: Number of processes; the rows do not depend on it.
         engine: `local` (processes of this machine), `dask` or `ray`.
-        address: Of the Dask or Ray cluster; None starts one on this machine.
-        folders: Write each trial's episode folder too, under `trials/`; this takes twice the time.
-        retry_failed: Run trials again that failed or whose worker died.
-        overwrite: Replace a campaign that the folder already holds.
-        any_version: Go on with a campaign that another version of the code began.
+        address: Address of the Dask or Ray cluster; None starts one on this machine.
+        folders: Whether each trial's episode folder is written too, under `trials/`; this takes twice the time.
+        retry_failed: Whether trials that failed or whose worker died are run again.
+        overwrite: Whether a campaign that the folder already holds is replaced.
+        any_version: Whether to go on with a campaign that another version of the code began.
 
     Raises:
         UsageError: Something cannot be done; what the folder held is kept.
@@ -99,7 +100,7 @@ def _with_folders(trials: list[Trial], folder: CampaignFolder) -> list[Trial]:
 
 
 def _run(engine: Engine, folder: CampaignFolder, trials: list[Trial], interrupt: NotedInterrupt) -> int:
-    """Run trials, each in the journal as it ends; returns how many ended."""
+    """Run trials, write each to the journal as it ends, and return how many ended."""
     n_run, n_actions = 0, 0
     n_failed = folder.journal.n_failed
     n_before = len(folder.journal)
@@ -122,7 +123,7 @@ def _keep(folder: CampaignFolder, outcome: Outcome) -> None:
     """Write an outcome to the journal.
 
     Raises:
-        UsageError: It cannot be written.
+        UsageError: The journal cannot be written.
     """
     try:
         folder.journal.append(outcome.result.entry(outcome.trial))

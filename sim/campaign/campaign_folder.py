@@ -1,4 +1,4 @@
-"""The folder of a campaign: whose study it is, its journal, and the tables made from it."""
+"""The folder of a campaign: its study, its journal, and the tables that are made from the journal."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .tables import TABLES, write_tables
 FORMAT = 1
 STUDY, JOURNAL = "study.json", "journal.jsonl"
 CODE = ("sounding", "commit", "packages")
-"""What of the machine's description the rows depend on."""
+"""The parts of a machine's description on which the rows depend."""
 
 
 class CampaignFolder(LockedFolder):
     """A folder that one call owns while it is open, as a context manager."""
 
     journal: Journal
-    """The trials done, from `begin` on."""
+    """The trials that are done; it is open from `begin` on."""
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
         """Claim a folder; an earlier campaign in it is removed when `overwrite` is set.
@@ -37,7 +37,7 @@ class CampaignFolder(LockedFolder):
         Raises:
             UsageError: The folder holds something else, belongs to a running call, or cannot be written.
         """
-        super().__init__(path, what="campaign", overwrite=False)
+        super().__init__(path, what="campaign", overwrite=False, marker=STUDY)
         if overwrite:
             for name in (STUDY, JOURNAL, *TABLES):
                 (path / name).unlink(missing_ok=True)
@@ -54,11 +54,14 @@ class CampaignFolder(LockedFolder):
             "inputs": _inputs(study),
             "machine": describe_machine(),
         }
-        present["machine"].pop("blas_threads")  # of this process; a trial's process has one, always
+        # The threads of this process say nothing: that of a trial always has one.
+        present["machine"].pop("blas_threads")
         present["blas_threads_per_trial"] = 1
         before = read_study(self.path)
         if before is not None:
             self._check_same(before, present, any_version=any_version)
+        else:
+            self._write_study(present)  # first: by it the folder is known for a campaign's
         self.journal = Journal(self.path / JOURNAL)
         strangers = self.journal.keys() - {trial.key for trial in study.trials()} if len(self.journal) else ()
         if strangers:
@@ -67,8 +70,11 @@ class CampaignFolder(LockedFolder):
                 f"{self.path}: holds another study; this one has no trial {min(strangers)}. "
                 "Choose another `out`, or add `overwrite` to replace it."
             )
+        self._write_study(present)
+
+    def _write_study(self, content: Mapping[str, Any]) -> None:
         with replacing(self.path / STUDY) as file:
-            file.write((json.dumps(present, indent=2) + "\n").encode())
+            file.write((json.dumps(content, indent=2) + "\n").encode())
 
     def _check_same(
         self, before: Mapping[str, Any], present: Mapping[str, Any], *, any_version: bool
@@ -91,17 +97,17 @@ class CampaignFolder(LockedFolder):
         write_tables(self.path, self.journal, study)
 
     def close(self) -> None:
-        """Close the journal and let the folder go."""
+        """Close the journal and unlock the folder."""
         if hasattr(self, "journal"):
             self.journal.close()
         super().close()
 
 
 def read_study(path: Path) -> dict[str, Any] | None:
-    """What a folder's study.json says, None where there is none.
+    """What the study.json of a folder says; None where there is no such file.
 
     Raises:
-        UsageError: It is none that this version understands.
+        UsageError: The file is broken, or has a format that this version does not read.
     """
     try:
         content = json.loads((path / STUDY).read_text(encoding="utf-8"))
@@ -115,13 +121,12 @@ def read_study(path: Path) -> dict[str, Any] | None:
 
 
 def _inputs(study: Study) -> dict[str, Any]:
-    """What the study's scenarios and files hold: they decide about rows as much as the options do."""
+    """What the scenarios and files of a study hold, on which the rows depend as much as on the options."""
     inputs: dict[str, Any] = {}
     for trial, _ in study.first_trials():
         config = trial.config
-        inputs[f"scenario {config.scenario}"] = json.loads(
-            json.dumps(scenario_record(load_scenario(config.scenario)))
-        )
+        record = scenario_record(load_scenario(config.scenario))
+        inputs[f"scenario {config.scenario}"] = json.loads(json.dumps(record))
         files = scenario_of(config).case_files
         for file in (config.arm, *(() if files is None else files.paths)):
             if Path(file).is_file():

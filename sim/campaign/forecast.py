@@ -1,4 +1,4 @@
-"""The forecast behind `sounding trials --dry-run`: how many trials, and about how long they take at most."""
+"""The forecast of a study: how many trials it has, and about how long they take at most."""
 
 from __future__ import annotations
 
@@ -32,6 +32,8 @@ class Forecast:
     """Time of a trial that takes all its actions [s]."""
     entry_bytes: float
     """What such a trial adds to the journal."""
+    error: str | None = None
+    """Why the trial that was tried failed; None if it did not."""
 
     @property
     def core_s(self) -> float:
@@ -40,7 +42,7 @@ class Forecast:
 
 
 def forecast_study(study: Study, *, n_jobs: int) -> list[Forecast]:
-    """Forecasts for the first combinations of a study, each from a few actions of its first trial."""
+    """The forecasts for the first combinations of a study, each from a few actions of its first trial."""
     counts = dict(study.first_trials())
     tried = list(counts)[:MAX_COMBINATIONS]
     probes = {_probe(trial): trial for trial in tried}
@@ -65,9 +67,10 @@ def _forecast(trial: Trial, n_trials: int, result: TrialResult, size: int) -> Fo
     actions_s = sum(timings.get(part, 0.0) for part in ACTION_SECONDS)
     per_action_s = actions_s / min(N_PROBED, trial.config.steps)
     n_curves = sum(not name.endswith("precision") for name in result.curves)
-    more_bytes = 9 * n_curves * max(trial.config.steps - N_PROBED, 0)  # "0.123456," per action
+    # Each curve takes "0.123456," per action.
+    more_bytes = 9 * n_curves * max(trial.config.steps - N_PROBED, 0)
     trial_s = timings.get("setup_s", 0.0) + per_action_s * trial.config.steps
-    return Forecast(trial, n_trials, trial_s, size + more_bytes)
+    return Forecast(trial, n_trials, trial_s, size + more_bytes, result.row.get("error"))
 
 
 def forecast_text(study: Study, forecasts: Sequence[Forecast], *, n_jobs: int) -> str:
@@ -94,6 +97,9 @@ def forecast_text(study: Study, forecasts: Sequence[Forecast], *, n_jobs: int) -
         f"at most {core_s / 3600:.2g} core hours, {core_s / n_jobs / 3600:.2g} hours with `jobs` "
         f"{n_jobs}, and {size / 1e6:.2g} MB of journal, if every trial takes all its actions",
     ]
+    errors = [forecast.error for forecast in forecasts if forecast.error]
+    if errors:
+        lines.append(f"{len(errors)} of the {len(forecasts)} combinations tried fail: {errors[0]}")
     if len(forecasts) < len(list(study.first_trials())):
         lines.append(
             f"(from the first {len(forecasts)} combinations; the others are taken to be like their mean)"

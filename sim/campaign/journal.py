@@ -21,13 +21,14 @@ class Journal(Closeable):
     """An append-only file of entries, each with the `settings` of its trial. One process writes it."""
 
     def __init__(self, path: Path) -> None:
-        """Open a journal, made where there is none; what a process killed while writing left at its end is cut off."""
+        """Open a journal, which is made where there is none; part of a line that a kill left at its end is cut off."""
         self.path = path
         self.n_damaged = 0
         """Lines that were not whole; their trials are run again."""
         self._offsets: dict[str, int] = {}
         self._failed: set[str] = set()
-        self._file = path.open("ab", buffering=0)  # a buffer would write again what a full disk refused
+        # A buffer would write again what a full disk refused.
+        self._file = path.open("ab", buffering=0)
         self._end = 0
         for offset, line in _lines(path):
             entry = decoded(line)
@@ -49,23 +50,23 @@ class Journal(Closeable):
         return len(self._offsets)
 
     def keys(self) -> set[str]:
-        """Keys of all trials."""
+        """The keys of all trials."""
         return set(self._offsets)
 
     @property
     def n_failed(self) -> int:
-        """How many trials came to something other than their end."""
+        """The number of trials that failed, or whose worker died."""
         return len(self._failed)
 
     def is_failed(self, key: str) -> bool:
-        """Whether the trial of that key came to something other than its end."""
+        """Whether the trial of that key failed, or its worker died."""
         return key in self._failed
 
     def append(self, entry: Entry) -> None:
         """Add an entry, and return when it is on the disk. A later entry of one trial replaces the earlier.
 
         Raises:
-            OSError: It could not be written, for example on a full disk; the journal is then as it was.
+            OSError: The entry cannot be written, for example on a full disk; the journal is then as it was.
         """
         line = encoded(entry)
         try:
@@ -92,7 +93,10 @@ class Journal(Closeable):
     def _note(self, entry: Entry, offset: int) -> None:
         key = key_of(entry["settings"])
         self._offsets[key] = offset
-        (self._failed.discard if entry["row"]["status"] == "finished" else self._failed.add)(key)
+        if entry["row"]["status"] == "finished":
+            self._failed.discard(key)
+        else:
+            self._failed.add(key)
 
     def close(self) -> None:
         """Close the file."""
@@ -116,7 +120,7 @@ def encoded(entry: Entry) -> bytes:
 
 
 def decoded(line: bytes) -> Entry | None:
-    """The entry of a line, None where it is not whole."""
+    """The entry of a line; None where the line is not whole."""
     start, text = line[: CHECKSUM_CHARACTERS + 1], line[CHECKSUM_CHARACTERS + 1 : -1]
     if not line.endswith(b"\n") or start != b"%08x " % zlib.crc32(text):
         return None
@@ -124,7 +128,7 @@ def decoded(line: bytes) -> Entry | None:
 
 
 def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Lines with the place where each begins."""
+    """The lines of a file, each after the place where it begins."""
     offset = 0
     with path.open("rb") as file:
         for line in file:

@@ -1,8 +1,8 @@
-"""The rehearsal: a planner that needs no belief is asked ahead, so that the arm solves many poses at once.
+"""Lookahead: a planner that needs no belief ranks ahead of time, so that the arm solves many poses at once.
 
-Searching many poses together takes a tenth of the time of one after the other, and a pose's answer is the same either
-way. A planner that looks at no map ranks the same whatever the readings say, so its next poses can be had by
-asking it with a copy of its generator, as if the arm reached every pose. Where that proves wrong, only time is lost.
+A search for many poses together takes a tenth of the time of one after the other, and a pose's answer is the same
+either way. A planner that looks at no map ranks the same whatever the readings say. So it can rank in advance, with a
+copy of its generator and as if the arm reached every pose. Where the arm does not, only time is lost.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from planner import Planner, Situation
 from sim.episode.positioner import Positioner
 
 N_AHEAD = 32
-"""Poses asked for together: more would cost little less each, and more of them in vain where an episode ends."""
+"""Poses that are solved together: more would cost little less each, and more would be in vain when an episode ends."""
 
 
 class Lookahead(Planner):
-    """Ranks as its planner does, and has the positioner prepare the poses that will come."""
+    """A planner that ranks as another one does, and has the positioner prepare the poses that will come."""
 
     needs_belief: ClassVar[bool] = False
 
@@ -41,13 +41,22 @@ class Lookahead(Planner):
                 self.prepare_s += perf_counter() - start_s
             yield pose
 
+    def confidence(self, situation: Situation) -> float:
+        """The planner's own confidence."""
+        return self._planner.confidence(situation)
+
     def _next_poses(self, situation: Situation, pose: int) -> list[int]:
-        """The poses that the planner will ask for after `pose`, if all are reached."""
+        """The poses that the planner will choose after `pose`, if all are reached."""
         rng = copy.deepcopy(situation.rng)
         ahead: list[int] = []
         while len(ahead) < N_AHEAD - 1:
             later = dataclasses.replace(situation, sensed=(*situation.sensed, pose, *ahead), rng=rng)
-            first = next(iter(self._planner.rank(later)), None)
+            try:
+                first = next(iter(self._planner.rank(later)), None)
+            # A planner may not bear a situation that never came, with poses sensed but not yet read. What it raises in
+            # the situations that do come is raised there.
+            except (Exception, SystemExit):
+                first = None
             if first is None:
                 break
             ahead.append(first)

@@ -1,4 +1,4 @@
-"""The study: which episodes a campaign is made of, as combinations of values of an episode's options."""
+"""The study: which episodes a campaign runs, as combinations of values of an episode's options."""
 
 from __future__ import annotations
 
@@ -21,26 +21,22 @@ from sim.running.parts import check_config
 NOT_AXES = ("config", "out", "overwrite", "frames", "report")
 """Options that say where an episode comes from and what it writes, which a campaign decides itself."""
 SETUP_OPTIONS = (
-    "scenario",
-    "organ",
-    *("tumour", "n_tumours", "unit", "mesh_frame", "coding", "organ_label", "tumour_label", "spacing_mm"),
     *(
-        "target",
-        "target_label",
-        "target_name",
-        "structure",
-        "structure_label",
-        "keepout",
-        "keepout_label",
-        "keepout_mm",
-        "organ_pose",
+        "scenario",
+        "organ",
+        "tumour",
+        "n_tumours",
+        "unit",
+        "mesh_frame",
+        "coding",
+        "organ_label",
+        "tumour_label",
     ),
-    "cone_half_angle_deg",
-    "cone_depth_mm",
-    "arm",
-    "flange",
+    *("spacing_mm", "target", "target_label", "target_name", "structure", "structure_label"),
+    *("keepout", "keepout_label", "keepout_mm", "organ_pose", "cone_half_angle_deg", "cone_depth_mm"),
+    *("arm", "flange"),
 )
-"""Options that what all seeds share is built from. They vary slowest, so that a process rarely builds anew."""
+"""Options from which a setup is built. They vary slowest, so that a process rarely builds a setup anew."""
 LEADING = ("scenario", "planner", "arm", "seed")
 """Options that every trial's key states, also where they are the default."""
 Values = Sequence[Any]
@@ -69,7 +65,7 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """A name for its folder: readable, and no other trial's."""
+        """A name for the trial's folder, which is readable and differs from that of any other trial."""
         config = self.config
         words = (Path(config.scenario).stem, config.planner.replace(":", "."), Path(config.arm).stem)
         return f"{'-'.join(words)}-{config.seed}-{zlib.crc32(self.key.encode()):08x}"
@@ -80,7 +76,7 @@ class Part:
     """Every combination of some values; options that are left out keep their default."""
 
     values: Mapping[str, Values]
-    """Values of each option, one or more."""
+    """One or more values of each option."""
 
     def __post_init__(self) -> None:
         """Validate names, values and each combination."""
@@ -160,17 +156,17 @@ def make_study(title: str = "trials", **values: Any) -> Study:
     """A study of one part from values by name.
 
     Args:
-        title: Of the study.
+        title: Title of the study.
         values: Options of an episode, each with one value or a list of them; every combination is run. `seed` also
             takes `"0:100"` for the seeds from 0 to 99.
 
     Raises:
-        UsageError: An unknown option, or a value that it does not take.
+        UsageError: An option is unknown, or does not take a value.
     """
     lists = {}
     for name, value in values.items():
         if name not in option_names():
-            raise UsageError(f"unknown option {name!r}. There are: {', '.join(option_names())}.")
+            raise UsageError(f"unknown option {name!r}. Known options: {', '.join(option_names())}.")
         if name == "seed":
             lists[name] = parse_seeds(value)
         else:
@@ -180,10 +176,10 @@ def make_study(title: str = "trials", **values: Any) -> Study:
 
 
 def parse_seeds(value: Any) -> Values:
-    """Seeds from `first:end` (the end is left out), one number, or a list of both.
+    """The seeds that `first:end` (without the end), a number, or a list of both names.
 
     Raises:
-        UsageError: Something else.
+        UsageError: The value is none of these.
     """
     if isinstance(value, list | tuple):
         return tuple(itertools.chain.from_iterable(parse_seeds(each) for each in value))
@@ -191,7 +187,7 @@ def parse_seeds(value: Any) -> Values:
         return range(value, value + 1)
     first, colon, end = str(value).partition(":")
     if not (first.isdecimal() and (end.isdecimal() if colon else True)):
-        raise UsageError(f"seeds {value!r}: first:end, for example 5000:5100, or a number from 0 on.")
+        raise UsageError(f"seeds {value!r}: must be first:end, for example 5000:5100, or a number from 0 on.")
     seeds = range(int(first), int(end) if colon else int(first) + 1)
     if not len(seeds):
         raise UsageError(f"seeds {value!r}: the end must lie above the first.")

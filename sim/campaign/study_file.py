@@ -1,4 +1,4 @@
-"""Study files: TOML, with the line of each mistake."""
+"""Study files, which are TOML; the error of a mistake in a file tells its line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLES = ("episode", "axes")
 
 
 def study_names() -> tuple[str, ...]:
-    """Names of the studies that Sounding brings along."""
+    """The names of the studies that Sounding brings along."""
     return tuple(sorted(path.stem for path in STUDIES_DIR.glob("*.toml")))
 
 
@@ -32,10 +32,11 @@ def load_study(name_or_path: str, overrides: Mapping[str, Any] | None = None) ->
 
     Args:
         name_or_path: A name of `study_names()`, or the path of a .toml file.
-        overrides: Lists of values that take precedence over the file's.
+        overrides: Lists of values that take precedence over those of the file.
 
     Raises:
-        UsageError: An unreadable file, an unknown key, planner or scenario, or a value out of range, with its line.
+        UsageError: The file cannot be read, a key, planner or scenario is unknown, or a value is out of range; the text
+            tells the line.
     """
     path = STUDIES_DIR / f"{name_or_path}.toml" if name_or_path in study_names() else Path(name_or_path)
     if path.suffix != ".toml":
@@ -51,7 +52,7 @@ def load_study(name_or_path: str, overrides: Mapping[str, Any] | None = None) ->
 
 
 class _Reader:
-    """Reads one file, and knows where in it things stand."""
+    """A reader of one file, which knows where in the file things stand."""
 
     def __init__(self, path: Path, text: str, overrides: dict[str, Any]) -> None:
         self._path, self._lines, self._overrides = path, text.splitlines(), overrides
@@ -70,7 +71,7 @@ class _Reader:
         return Study(str(table.get("title", self._path.stem)), tuple(parts))
 
     def _values(self, table: Mapping[str, Any], part: int | None) -> dict[str, Any]:
-        """Values of each option that the tables `episode` and `axes` name."""
+        """The values of each option that the tables `episode` and `axes` name."""
         values: dict[str, Any] = {}
         for name, written, given in self._entries(table, part):
             if name in values:
@@ -82,7 +83,7 @@ class _Reader:
         return values
 
     def _entries(self, table: Mapping[str, Any], part: int | None) -> list[tuple[str, str, Any]]:
-        """Option, name as written, and list of values of all entries."""
+        """The option, its name as it is written, and the list of its values, for all entries."""
         entries = []
         for section in TABLES:
             for written, given in table.get(section, {}).items():
@@ -100,11 +101,11 @@ class _Reader:
         return tuple(self._beside_file(name, converted(name, value)) for value in given)
 
     def _beside_file(self, name: str, value: Any) -> Any:
-        """Relative paths are relative to the file."""
+        """A value in which relative paths are relative to the file."""
         if isinstance(value, Path):
             return self._path.parent / value
         if isinstance(value, tuple):
-            return tuple(self._path.parent / each for each in value)
+            return tuple(self._beside_file(name, each) for each in value)
         if name in ("scenario", "arm") and Path(value).suffix:
             return str(self._path.parent / value)
         return value
@@ -112,13 +113,12 @@ class _Reader:
     def _part(self, values: dict[str, Any], part: int | None) -> Part:
         try:
             return Part(values)
-        except ValueError as error:  # a planner's own options
-            raise self._error(self._guilty(values, str(error)), str(error), part=part) from error
-        except UsageError as error:
-            raise self._error(self._guilty(values, str(error)), str(error), part=part) from error
+        # A planner raises ValueError where an option of its own is out of range.
+        except (ValueError, UsageError) as error:
+            raise self._error(self._word_at_fault(values, str(error)), str(error), part=part) from error
 
-    def _guilty(self, values: Mapping[str, Any], text: str) -> str:
-        """The value that an error's text is about, or else the option."""
+    def _word_at_fault(self, values: Mapping[str, Any], text: str) -> str:
+        """The value that an error's text is about; the option where the text names no value."""
         for name in sorted(values, key=len, reverse=True):
             if re.search(rf"(?<![a-z]){name.replace('_', '[-_]')}(?![a-z])", text):
                 told = [str(value) for value in values[name] if name != "seed"]
@@ -139,7 +139,7 @@ class _Reader:
         return UsageError(f"{self._path}{f', line {line}' if line else ''}: {text}")
 
     def _line(self, word: str, part: int | None) -> int | None:
-        """Number of the line that first names a key or a value, in the given part or else in the whole file."""
+        """The number of the line that first names a key or a value, in the given part or, if not there, in the file."""
         starts = [i for i, line in enumerate(self._lines) if re.match(r"\s*\[\[\s*part\s*\]\]", line)]
         first = starts[part] if part is not None and part < len(starts) else 0
         pattern = re.compile(rf"(?<![\w-]){re.escape(word)}(?![\w-])".replace("_", "[-_]"))

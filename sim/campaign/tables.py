@@ -1,15 +1,15 @@
-"""The tables of a campaign, made from its journal: rows in the order of the study, whatever the order of running."""
+"""The tables of a campaign, made from its journal: their rows have the order of the study, whatever ended first."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from mapping.storage import replacing
-from sim.tables import columns_of, write_csv
+from sim.tables import columns_of, nan_for_none, write_csv
 
 from .journal import Entry, Journal
 from .study import LEADING, Study
@@ -18,17 +18,17 @@ from .trial_result import RECALL_LEVELS
 TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
 CURVES = ("auprc", "sensed_fraction", "precision")
 TARGET_CURVES = tuple(f"target_{name}" for name in CURVES)
-"""Those of a second class."""
-ROUNDS_OF_PARQUET_BYTES = 1 << 26
-"""CSV read at once to find a column's type."""
+"""The curves of a second class."""
+CSV_BLOCK_BYTES = 1 << 26
+"""How much of the CSV file is read at once to find the types of its columns."""
 
 
 def write_tables(folder: Path, journal: Journal, study: Study) -> None:
     """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet.
 
     Args:
-        folder: Where to write.
-        journal: The trials done.
+        folder: The campaign's folder.
+        journal: The trials that are done.
         study: Gives the order of the rows.
     """
 
@@ -37,13 +37,9 @@ def write_tables(folder: Path, journal: Journal, study: Study) -> None:
 
     settings = columns_of(entry["settings"] for entry in entries())
     keys = [*LEADING, *(name for name in settings if name not in LEADING)]
-    row_columns = columns_of(entry["row"] for entry in entries())
-    columns = [
-        *keys,
-        "status",
-        *(name for name in row_columns if name not in (*keys, "status", "error")),
-        "error",
-    ]
+    results = columns_of(entry["row"] for entry in entries())
+    results = [name for name in results if name not in (*keys, "status", "error")]
+    columns = [*keys, "status", *results, "error"]
     write_csv(folder / "trials.csv", (entry["row"] | entry["settings"] for entry in entries()), columns)
     timed = [*keys, *columns_of(entry["timings"] for entry in entries())]
     write_csv(folder / "timings.csv", (entry["settings"] | entry["timings"] for entry in entries()), timed)
@@ -56,10 +52,10 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
     """The curves of all rows, one after the other.
 
     Returns:
-        `first` and `count`, shape (rows,): where each row's actions begin and how many there are; `auprc` and
-        `sensed_fraction` after each action, NaN where there is none; `precision`, shape (rows, 50), at `recall`,
+        `first` and `count`, shape (rows,): where each row's actions begin, and how many there are; `auprc` and
+        `sensed_fraction` after each action, NaN where they are not defined; `precision`, shape (rows, 50), at `recall`,
         NaN in rows without a map. Where any row has a second class, `target_auprc`, `target_sensed_fraction` and
-        `target_precision` are its, NaN in rows without one.
+        `target_precision` are those of that class, NaN in rows without one.
     """
     counts, columns = array("q"), {name: array("f") for name in (*CURVES, *TARGET_CURVES)}
     has_target = False
@@ -70,7 +66,7 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
         has_target |= "target_sensed_fraction" in curves
         for name, column in columns.items():
             length = len(RECALL_LEVELS) if name.endswith("precision") else n_actions
-            column.extend(_floats(curves.get(name) or [None] * length))
+            column.extend(nan_for_none(curves.get(name) or [None] * length))
     count = np.asarray(counts, dtype=np.int64)
     arrays = {"first": np.cumsum(count) - count, "count": count}
     for name in (*CURVES, *(TARGET_CURVES if has_target else ())):
@@ -79,17 +75,13 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
     return arrays | {"recall": RECALL_LEVELS}
 
 
-def _floats(values: Sequence[float | None]) -> list[float]:
-    return [np.nan if value is None else value for value in values]
-
-
 def _write_parquet(folder: Path) -> None:
     try:
         from pyarrow import csv as arrow_csv
         from pyarrow import parquet
     except ImportError:
         return
-    reading = arrow_csv.ReadOptions(block_size=ROUNDS_OF_PARQUET_BYTES)
+    reading = arrow_csv.ReadOptions(block_size=CSV_BLOCK_BYTES)
     table = arrow_csv.read_csv(folder / "trials.csv", read_options=reading)
     with replacing(folder / "trials.parquet") as file:
         parquet.write_table(table, file)

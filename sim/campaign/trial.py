@@ -23,6 +23,7 @@ from sim.running.parts import EpisodeParts, make_parts
 from sim.running.run_episode import Output, make_episode, record_episode
 from sim.running.summary import Totals, episode_summary
 
+from .journal import encoded
 from .lookahead import Lookahead
 from .study import Trial
 from .trial_result import RECALL_LEVELS, TrialResult
@@ -33,8 +34,9 @@ MEASURED = ("setup_s", "render_s", "wall_s")
 """Keys of a summary that hold measured seconds, besides those of the steps."""
 
 _one_at_a_time = threading.Lock()
-"""A setup's kinematics are one process's, and one trial's at a time, whatever the threads of a cluster's worker."""
+"""The kinematics of a setup serve one trial at a time, however many threads a cluster's worker has."""
 _setups: dict[tuple[Any, ...], Setup] = {}
+"""The setup of the last trial in this process, by what it was built from."""
 
 
 def run_trial(trial: Trial) -> TrialResult:
@@ -46,8 +48,11 @@ def run_trial(trial: Trial) -> TrialResult:
     start_s = perf_counter()
     with _one_at_a_time, threadpool_limits(limits=1):
         try:
-            return _run(trial, start_s)
-        except Exception as error:  # the campaign's boundary: whatever fails is a row, not the campaign's end
+            result = _run(trial, start_s)
+            encoded(result.entry(trial))  # what the journal cannot hold fails here, in the trial
+            return result
+        # The campaign's boundary: whatever fails, what a user brings along too, is a row and not the campaign's end.
+        except (Exception, SystemExit) as error:
             row = {"status": "failed", "error": f"{type(error).__name__}: {error}"}
             return TrialResult(row, _costs(start_s), traceback=traceback.format_exc())
 
@@ -74,13 +79,14 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
         key: _plain(value) for key, value in summary.items() if key not in measured
     }
     timings = totals.seconds() | {"setup_s": setup_s, "stage_s": stage_s} | _costs(start_s)
-    if isinstance(ahead, Lookahead):  # solved while the planner ranked
+    if isinstance(ahead, Lookahead):
+        # These poses were solved while the planner ranked.
         timings |= {"plan_s": timings["plan_s"] - ahead.prepare_s, "ik_s": timings["ik_s"] + ahead.prepare_s}
     return TrialResult(row, timings, _curves(episode, totals))
 
 
 def write_trial_folder(trial: Trial) -> None:
-    """Run a trial's episode and write its folder, on the process's setup."""
+    """Run a trial's episode on the setup of this process, and write its folder."""
     assert trial.folder is not None
     parts = make_parts(trial.config)
     output = Output(folder=trial.folder, options=recorded(trial.config), overwrite=True)
@@ -88,7 +94,7 @@ def write_trial_folder(trial: Trial) -> None:
 
 
 def _setup(parts: EpisodeParts) -> tuple[Setup, float]:
-    """The setup of an episode and the time that building it took; the process's last one is kept."""
+    """The setup of an episode, and the time that building it took; this process keeps the last one."""
     key = (parts.scenario, parts.arm, parts.map_settings.hinge_spacing_m)
     start_s = perf_counter()
     if key not in _setups:
@@ -105,7 +111,8 @@ def _curves(episode: Episode, totals: Totals) -> dict[str, list[float | None]]:
         curves["auprc"] = [_rounded(step.auprc) for step in totals.steps]
         curves["precision"] = _final_precision(episode.prediction, episode.truth.is_tumour)
     if (target := episode.target) is not None:
-        scores = [step.target for step in totals.steps if step.target is not None]  # all of them
+        # With a second class every step has a score of it; the condition tells the type checker.
+        scores = [step.target for step in totals.steps if step.target is not None]
         curves["target_sensed_fraction"] = [_rounded(score.sensed_fraction) for score in scores]
         if target.prediction is not None:
             curves["target_auprc"] = [_rounded(score.auprc) for score in scores]
@@ -114,7 +121,7 @@ def _curves(episode: Episode, totals: Totals) -> dict[str, list[float | None]]:
 
 
 def _final_precision(prediction: Prediction, truth: NDArray[np.bool_]) -> list[float | None]:
-    """Precision of a map at each of `RECALL_LEVELS`; empty where nothing is there to be found."""
+    """The precision of a map at each of `RECALL_LEVELS`; empty where there is nothing to find."""
     if not truth.any():
         return []
     curve = precision_recall_curve(prediction.score, truth)
@@ -122,17 +129,17 @@ def _final_precision(prediction: Prediction, truth: NDArray[np.bool_]) -> list[f
 
 
 def precision_at(recall: NDArray[np.float64], precision: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Precision where each of `RECALL_LEVELS` is first met, as the area under the curve counts it, shape (50,).
+    """The precision where each of `RECALL_LEVELS` is first met, as the area under the curve counts it, shape (50,).
 
     Args:
         recall: Rising recall, from 0 to 1, shape (K,).
-        precision: Precision there, shape (K,).
+        precision: Precision at each recall, shape (K,).
     """
     return precision[np.searchsorted(recall, RECALL_LEVELS - 1e-12)]
 
 
 def _costs(start_s: float) -> dict[str, float]:
-    """Wall time since the start and the process's greatest memory."""
+    """The wall time since the start, and the largest memory of this process."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
         "wall_s": perf_counter() - start_s,
@@ -146,7 +153,7 @@ def _rounded(value: float | None) -> float | None:
 
 
 def _plain(value: Any) -> Any:
-    """JSON's form of a summary's value: NaN is none, a path is text."""
+    """A value of a summary as JSON has it: NaN becomes None, and a path text."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float) and not np.isfinite(value):

@@ -1,4 +1,4 @@
-"""What a trial came to, as plain data that processes hand over and the journal keeps."""
+"""The result of a trial, as plain data that processes hand over and the journal keeps."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ RECALL_LEVELS = np.arange(1, 51) / 50
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What a trial came to."""
+    """The result of a trial."""
 
     row: dict[str, Any]
-    """Status and summary: the same wherever and whenever the trial runs."""
+    """Status and summary, which are the same wherever and whenever the trial runs."""
     timings: dict[str, float] = field(default_factory=dict)
-    """Measured seconds by part, and the process's greatest memory."""
+    """Measured seconds by part, and the largest memory of the process."""
     curves: dict[str, list[float | None]] = field(default_factory=dict)
     """AUPRC and sensed share after each action, and precision at each of `RECALL_LEVELS` at the end.
 
-    Those of a second class have names that begin with `target_`.
+    The curves of a second class have names that begin with `target_`.
     """
     traceback: str | None = None
+    """Where the error of a failed trial was raised; None for a finished one."""
 
     def entry(self, trial: Trial) -> dict[str, Any]:
-        """The journal's entry."""
+        """The journal's entry of the trial."""
+        more = {"traceback": self.traceback} if self.traceback else {}
         parts = {"row": self.row, "timings": self.timings, "curves": self.curves}
-        return (
-            {"settings": trial.settings} | parts | ({"traceback": self.traceback} if self.traceback else {})
-        )
+        return {"settings": trial.settings} | parts | more
 
 
 def lost_result(n_deaths: int) -> TrialResult:

@@ -1,4 +1,4 @@
-"""The command line: one module a command, with its flags, its help and what goes to the terminal."""
+"""The command line: a module for each command, with its flags, its help and what goes to the terminal."""
 
 from .command_line import main
 

@@ -1,4 +1,4 @@
-"""The `sounding` command: finds the command's module, reads its options, and tells errors in one line."""
+"""The `sounding` command, which finds a command's module, reads its options, and tells an error in one line."""
 
 from __future__ import annotations
 
@@ -36,10 +36,11 @@ DESCRIPTION = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code: 0 done, 2 bad input (one line says what), 130 interrupted."""
+    """Run the command line, and return the exit code: 0 done, 2 bad input (one line says what), 130 interrupted."""
     from sim.world.scene.gl import adopt_mujoco_gl
 
-    adopt_mujoco_gl()  # before anything imports mujoco
+    # MuJoCo looks at the choice of OpenGL when it is imported.
+    adopt_mujoco_gl()
     words = list(sys.argv[1:] if arguments is None else arguments)
     command = _module(words[0]) if words and words[0] in COMMANDS else None
     try:
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def parse_command(arguments: Sequence[str]) -> object:
-    """The options of a command line that names a command.
+    """The options of a command line whose first word names the command.
 
     Raises:
         UsageError: A value is out of range.
@@ -71,9 +72,10 @@ def _module(command: str) -> ModuleType:
 
 
 def _help(words: list[str]) -> int:
-    """Tell the commands, or that there is no such one; ends the process."""
+    """Tell the commands, or that there is no such command, and end the process."""
     options = {name: _module(name).Options for name in COMMANDS}
     tyro.extras.subcommand_cli_from_dict(
         options, prog="sounding", description=DESCRIPTION, args=words, sort_subcommands=False
     )
-    return BAD_INPUT  # no command was named, and tyro has said so
+    # No command was named, and tyro has said so.
+    return BAD_INPUT

@@ -17,30 +17,30 @@ from .terminal import parse
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Compare the planners of one or more campaigns, on equal seeds: tables, intervals and figures.
+    """Compare the planners of one or more campaigns on equal seeds, with tables, intervals and figures.
 
-    Writes compare.md, compare.csv and figures, and prints the tables.
+    The output folder gets compare.md, compare.csv, report.html and figures; the tables are printed as well.
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders that `sounding trials` wrote."""
     out: Path | None = None
-    """Folder to write to; <first folder>/compare by default."""
+    """Folder to write to; by default compare in the first of the folders."""
     seeds: str | None = None
-    """Look at these seeds only, for example 0:10, whose end is left out."""
+    """Seeds to look at, for example 0:10, which leaves 10 out; by default all."""
     reference: str | None = None
-    """Contender against which all others are paired; by default all pairs are."""
+    """Contender with which all others are paired; by default all are paired with each other."""
     view_seed: int | None = None
-    """Run this seed of each contender again and draw its map and poses from above and from the side."""
+    """Run this seed of each contender again, and draw its map and poses from above and from the side."""
     jobs: int = 2
-    """Processes that draw the views."""
+    """Number of processes that draw the views."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not self.folders:
             raise UsageError("compare needs one folder or more that `sounding trials` wrote.")
         if not 1 <= self.jobs <= 256:
-            raise FieldError("jobs", self.jobs, "from 1 to 256.")
+            raise FieldError("jobs", self.jobs, "must be from 1 to 256.")
 
     def seed_range(self) -> Container[int] | None:
         """The seeds to look at, None for all."""
@@ -48,12 +48,12 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Compare the campaigns and print the tables; returns the exit code."""
+    """Compare the campaigns, print the tables, and return the exit code."""
     from sim.comparison.compare import compare
 
     summary = compare(

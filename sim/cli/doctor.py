@@ -14,12 +14,12 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Print the diagnosis; returns the exit code."""
+    """Print the diagnosis, and return the exit code."""
     from sim.doctor.diagnosis import run_doctor
 
     del options

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from sim.running.config import EpisodeConfig
-from sim.running.fields import config_of, read_config
+from sim.running.fields import read_config
 
-from .terminal import INTERRUPTED, aligned_lines, note, parse
+from .terminal import INTERRUPTED, aligned_lines, given_word, note, parse
 
 ROWS = (
     ("sensing actions", "n_sensings", "{}"),
@@ -32,28 +33,27 @@ TARGET_ROWS = (
     ("{}: AUPRC of their map", "target_auprc", "{:.3f}"),
     ("{}: Dice at probability 0.5", "target_dice", "{:.3f}"),
 )
-"""Of a second class, whose name the labels begin with."""
+"""Rows about a second class, whose name the labels begin with."""
 
 Options = EpisodeConfig
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
-    """The options given; where `--config` names an earlier run's, those that are not given are that run's.
+    """The options that the command line gives; where --config names an earlier run, the others are those of that run.
 
     Raises:
-        UsageError: That file cannot be used.
+        UsageError: The file of the earlier run cannot be used.
     """
-    config = parse(EpisodeConfig, arguments, prog=prog)
-    if config.config is None:
-        return config
-    return parse(EpisodeConfig, arguments, prog=prog, default=config_of(read_config(config.config)))
+    # Read first: options on the line need not go together without those of the file.
+    path = given_word(arguments, "config")
+    default = None if path is None else read_config(Path(path))
+    return parse(EpisodeConfig, arguments, prog=prog, default=default)
 
 
 def run(options: EpisodeConfig) -> int:
-    """Run the episode and print its results; returns the exit code."""
-    from sim.running.config_file import (
-        recorded_config,  # imports MuJoCo: a second that --help need not wait for
-    )
+    """Run the episode, print its results, and return the exit code."""
+    # Imported here, since they import MuJoCo, which takes a second that --help need not wait for.
+    from sim.running.config_file import recorded_config
     from sim.running.parts import make_parts
     from sim.running.run_episode import output_of, record_episode
 

@@ -16,11 +16,11 @@ from .terminal import parse
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Write a run's map as NIfTI volumes in the patient's own coordinates, to lie over the scan.
+    """Write a run's map as NIfTI volumes in the patient's own coordinates, so that they lie over the scan.
 
-    Every run with a map writes them; this writes them again, elsewhere or with another threshold. The files are
-    map_probability.nii.gz, map_standard_deviation.nii.gz (of the map's latent) and map_labels.nii.gz (1 organ,
-    2 tumour). The map of a second class goes to map_target_*.nii.gz, labelled 3.
+    Every run with a map writes them; this command writes them again, to another folder or with another threshold. The
+    files are map_probability.nii.gz, map_standard_deviation.nii.gz (of the map's latent) and map_labels.nii.gz (where 1
+    is the organ and 2 tumour). The map of a second class goes to map_target_*.nii.gz, where its label is 3.
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
@@ -28,23 +28,23 @@ class Options:
     threshold: float = 0.5
     """Probability above which a point is labelled tumour, between 0 and 1."""
     out: Path | None = None
-    """Folder to write to; the run's own by default."""
+    """Folder to write to; by default that of the run."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not 0.0 < self.threshold < 1.0:
-            raise FieldError("threshold", self.threshold, "between 0 and 1, both excluded.")
+            raise FieldError("threshold", self.threshold, "must be between 0 and 1, both excluded.")
         if self.out is not None and self.out.exists() and not self.out.is_dir():
             raise UsageError(f"{self.out}: is a file, not a folder. Choose another `out`.")
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Write the volumes; returns the exit code."""
+    """Write the volumes, and return the exit code."""
     from sim.viewing.export import export_map
 
     for file in export_map(options.folder, options.out, threshold=options.threshold):

@@ -18,27 +18,27 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Explain one sensing pose: whether the arm reaches it, with which joints, how close to limits and obstacles.
+    """Explain one sensing pose: whether the arm reaches it, with which joints, and how near to limits and obstacles.
 
-    Ends with exit code 0 where the pose is reached and 1 where it is not.
+    The exit code is 0 where the pose is reached, and 1 where it is not.
     """
 
     position_mm: Triple
-    """Where the probe's tip shall touch, world frame [mm]. The table's top is z = 0."""
+    """Where the probe's tip is to touch, world frame [mm]; the table's top is z = 0."""
     normal: Triple = (0.0, 0.0, -1.0)
-    """Direction of the beam, into the organ; of any length."""
+    """Direction of the beam into the organ, of any length."""
     standoff_mm: float = 40.0
-    """The pose is approached from this far above it [mm]; 0 solves for the pose only."""
+    """Distance above the pose from which the probe approaches it [mm]; with 0 only the pose is solved."""
     scenario: str = "liver"
-    """The organ that lies before the arm: sphere, spheres, liver, or the path of a scenario .toml."""
+    """Scenario whose organ lies before the arm: sphere, spheres, liver, or the path of a scenario file (.toml)."""
     arm: str = "default"
-    """default (the embedded 7-joint arm), ur5e (with the extra `arms`), or the path of any MJCF arm."""
+    """Arm: default (the embedded one with 7 joints), ur5e (with the extra `arms`), or the path of an MJCF file."""
     flange: str | None = None
-    """Site of the arm that carries the probe; by default the first of flange and attachment_site that it has."""
+    """Site of the arm that carries the probe; by default flange or, where the arm has none, attachment_site."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0
-    """How the base is turned about the vertical [degrees]."""
+    """Angle by which the base is turned about the vertical [degrees]."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
@@ -47,21 +47,21 @@ class Options:
             raise FieldError(
                 "position_mm",
                 _short(self.position_mm),
-                f"finite numbers of at most {MAX_POSITION_MM:.0f} mm.",
+                f"must be finite numbers of at most {MAX_POSITION_MM:.0f} mm.",
             )
         if not all(math.isfinite(value) for value in self.normal) or not any(self.normal):
-            raise FieldError("normal", _short(self.normal), "three finite numbers, not all zero.")
+            raise FieldError("normal", _short(self.normal), "must be three finite numbers, not all zero.")
         if not 0.0 <= self.standoff_mm <= 500.0:
-            raise FieldError("standoff_mm", self.standoff_mm, "from 0 to 500 mm.")
+            raise FieldError("standoff_mm", self.standoff_mm, "must be from 0 to 500 mm.")
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Explain the pose; returns the exit code, 0 where it is reached."""
+    """Explain the pose, and return the exit code, 0 where it is reached."""
     from sim.reach.explanation import explain_pose
     from sim.reach.workcell import build_workcell
 

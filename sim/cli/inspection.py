@@ -17,23 +17,23 @@ from .terminal import NOT_USABLE, in_flags, parse
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Say what a mesh or a label volume holds, draw it, and say what is wrong with it and what to do.
+    """Say what a mesh or a label volume holds, what is wrong with it and what to do, and draw it.
 
-    Prints labels, volumes, spacing, orientation, islands, and tumours with diameters and depths. The exit code is 0
-    where the file can be used as the organ with the options given, and 1 where it cannot.
+    It tells labels, volumes, spacing, orientation, islands, and tumours with diameters and depths. The exit code is 0
+    where the file can be used as the organ with the options that are given, and 1 where it cannot.
     """
 
     file: Annotated[Path, tyro.conf.Positional]
-    """STL, OBJ, PLY, GLB or glTF mesh, or label volume (.nii, .nii.gz, .nrrd, .nhdr)."""
+    """Mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd, .nhdr)."""
     out: Path | None = None
-    """PNG to draw; renders/inspect-<name>.png by default."""
+    """Picture to draw (.png); by default renders/inspect-<name>.png."""
     case: CaseConfig = field(default_factory=CaseConfig)
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         spacing_mm = self.case.spacing_mm
         if spacing_mm is not None and not all(0.02 <= each <= 30.0 for each in spacing_mm):
-            raise FieldError("spacing_mm", spacing_mm, "from 0.02 to 30 mm.")
+            raise FieldError("spacing_mm", spacing_mm, "must be from 0.02 to 30 mm.")
         if self.out is not None and self.out.suffix.lower() != ".png":
             raise FieldError("out", self.out, "must end with .png.")
 
@@ -44,12 +44,12 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Look at the files and print what they hold; returns the exit code."""
+    """Look at the files, print what they hold, and return the exit code."""
     from sim.viewing.inspection import inspect
 
     inspection = inspect(options.case.files(options.file), options.picture)

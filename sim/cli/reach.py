@@ -38,80 +38,82 @@ REACH_ROWS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Ask an arm for every sensing pose of a scenario: which it reaches, how well, and why not the others.
+    """Say which sensing poses of a scenario an arm reaches, how well, and why it does not reach the others.
 
-    Writes reach.csv, summary.json, config.json, manifest.json, reach.png (the organ coloured by score) and reasons.png;
-    with --base-search bases.csv and bases.png (where the base could stand) too. Several arms are compared on the one
-    workspace: each has a folder of its own in the output folder, beside the table arms.csv, arms.md and arms.png.
+    The output folder gets reach.csv, summary.json, config.json, manifest.json, reach.png (the organ coloured by score)
+    and reasons.png; with --base-search also bases.csv and bases.png (where the base could stand). Several arms are
+    compared on one workspace: each has its own folder in the output folder, beside arms.csv, arms.md and arms.png.
     """
 
     scenario: str = "liver"
-    """sphere, spheres (the paper's synthetic organ), liver, or the path of a scenario .toml."""
+    """Scenario: sphere or spheres (the paper's synthetic organ), liver, or the path of a scenario file (.toml)."""
     arm: tuple[str, ...] = ("default",)
-    """default (the embedded 7-joint arm), ur5e (with the extra `arms`), or the path of any MJCF arm; several of them
-    are compared."""
+    """Arm: default (the embedded one with 7 joints), ur5e (with the extra `arms`), or the path of an MJCF file; several
+    arms are compared."""
     flange: tuple[str, ...] = ()
-    """Site of the arm that carries the probe, one for all arms or one for each; by default the first of flange and
-    attachment_site that the arm has."""
+    """Site of the arm that carries the probe, one for all arms or one for each; by default flange or, where an arm has
+    none, attachment_site."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0
-    """How the base is turned about the vertical [degrees]."""
+    """Angle by which the base is turned about the vertical [degrees]."""
     base_search: int = 0
-    """Ask also where the base should stand, by this many candidate bases: from 10 to 5000, or 0 for not at all."""
+    """Search also where the base should stand, with this many candidate bases: from 10 to 5000, or 0 for no search."""
     base_poses: int = 500
-    """Poses of the workspace, drawn by seed, that each candidate base is asked for."""
+    """Number of poses of the workspace, drawn by seed, that each candidate base is tried on."""
     base_height_mm: tuple[float, float] = (0.0, 300.0)
     """Lowest and highest candidate base above the table's top [mm]."""
     base_objective: Literal["poses", "seen"] = "poses"
-    """What makes a base good: the share of the poses that it reaches, or the share of the organ's inside that the
-    probe's cone sees from those."""
+    """What makes a base good: the share of the poses that it reaches (poses), or the share of the organ's inside that
+    the probe's cone sees from these (seen)."""
     organ: Path | None = None
-    """Replace the scenario's organ by this mesh or label volume."""
+    """Mesh or label volume that replaces the scenario's organ."""
     tilt_deg: float = 0.0
-    """Ask again for the poses that are not reached with the probe tilted off the normal by up to this [degrees]."""
+    """Try poses that are not reached again with the probe tilted off the normal by up to this [degrees]."""
     restarts: int = 40
-    """Further starts before a pose is called unreachable, from 0 to 119."""
+    """Number of starts after the first before a pose is called unreachable, from 0 to 119."""
     seed: int = 0
-    """Seed of the set of starts; it should change nothing."""
+    """Seed of the set of starts, which should change nothing, and of the search for a base."""
     jobs: int = 2
-    """Processes that share the poses; the answers do not depend on it."""
+    """Number of processes that share the poses; the answers do not depend on it."""
     out: Path | None = None
-    """Folder to write to; renders/reach-<scenario> by default."""
+    """Folder to write to; by default renders/reach-<scenario>."""
     overwrite: bool = False
     """Replace a run that the folder already holds."""
     parquet: bool = False
-    """Write reach.parquet beside reach.csv; needs the extra `parquet`."""
+    """Write reach.parquet beside reach.csv, which needs pip install 'sounding[parquet]'."""
     case: CaseConfig = field(default_factory=CaseConfig)
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not 0.0 <= self.tilt_deg <= 80.0:
-            raise FieldError("tilt_deg", self.tilt_deg, "from 0 to 80 degrees.")
+            raise FieldError("tilt_deg", self.tilt_deg, "must be from 0 to 80 degrees.")
         if not 0 <= self.restarts <= 119:
-            raise FieldError("restarts", self.restarts, "from 0 to 119.")
+            raise FieldError("restarts", self.restarts, "must be from 0 to 119.")
         if not 1 <= self.jobs <= 64:
-            raise FieldError("jobs", self.jobs, "from 1 to 64.")
+            raise FieldError("jobs", self.jobs, "must be from 1 to 64.")
         if self.seed < 0:
-            raise FieldError("seed", self.seed, "0 or more.")
+            raise FieldError("seed", self.seed, "must be 0 or more.")
         if not self.arm:
             raise UsageError("`arm`: name an arm, or `default`.")
         if len(self.flange) not in (0, 1, len(self.arm)):
-            raise FieldError("flange", self.flange, f"one site, or one for each of the {len(self.arm)} arms.")
+            raise FieldError(
+                "flange", self.flange, f"must be one site, or one for each of the {len(self.arm)} arms."
+            )
         check_base(self.base_mm, self.base_yaw_deg)
         self.case.check(self.organ)
         self._check_base_search()
 
     def _check_base_search(self) -> None:
         if self.base_search != 0 and not 10 <= self.base_search <= 5000:
-            raise FieldError("base_search", self.base_search, "from 10 to 5000 bases, or 0.")
+            raise FieldError("base_search", self.base_search, "must be from 10 to 5000 bases, or 0.")
         if not 20 <= self.base_poses <= 100_000:
-            raise FieldError("base_poses", self.base_poses, "from 20 to 100000.")
+            raise FieldError("base_poses", self.base_poses, "must be from 20 to 100000.")
         low_mm, high_mm = self.base_height_mm
         if not -700.0 <= low_mm <= high_mm <= 2000.0:
             shown = (f"{low_mm:g}", f"{high_mm:g}")
-            raise FieldError("base_height_mm", shown, "two rising heights from -700 to 2000 mm.")
+            raise FieldError("base_height_mm", shown, "must be two rising heights from -700 to 2000 mm.")
 
     def flange_of(self, index: int) -> str | None:
         """The flange of one of the arms; None where none is named."""
@@ -127,7 +129,7 @@ class Options:
         return dataclasses.replace(load_scenario(self.scenario), **changes)
 
     def make_arm(self, index: int) -> ArmModel:
-        """One of the arms."""
+        """One of the arms, where it stands."""
         flange = self.flange_of(index)
         return arm_standing(self.arm[index], flange, base_mm=self.base_mm, base_yaw_deg=self.base_yaw_deg)
 
@@ -153,17 +155,17 @@ class Options:
             base=question if self.base_search else None,
             writes_parquet=self.parquet,
             overwrite=self.overwrite,
-            options=_plain(self),
+            options=_recorded(self),
         )
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Study the arm or the arms and print the results; returns the exit code."""
+    """Study the arm or the arms, print the results, and return the exit code."""
     from sim.reach.arm_comparison import compare_arms, folder_names
     from sim.reach.study import reach_study
 
@@ -187,8 +189,8 @@ def run(options: Options) -> int:
     return 0
 
 
-def _plain(options: Options) -> dict[str, Any]:
-    """The options as config.json keeps them: groups opened."""
+def _recorded(options: Options) -> dict[str, Any]:
+    """The options as config.json keeps them, with those of groups in their place."""
     values = dataclasses.asdict(options)
     return {**values.pop("case"), **values.pop("anatomy"), **values}
 
@@ -215,11 +217,11 @@ def arms_summary(summary: Mapping[str, Any]) -> str:
 
 
 def _base_lines(summary: Mapping[str, Any]) -> list[str]:
-    """What a search for a base found."""
+    """Lines about what a search for a base found."""
     found = summary.get("base_search")
     if found is None:
         return []
-    head = f"best of {found['n_bases']} bases, asked for {found['n_poses']} poses each"
+    head = f"best of {found['n_bases']} bases, tried on {found['n_poses']} poses each"
     head += f" ({found['n_blocked']} more had no room)" if found["n_blocked"] else ""
     best, present = found["best_reached_fraction"], summary["reached_fraction"]
     lines = [
@@ -236,6 +238,6 @@ def _base_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _base_flags(place: Mapping[str, Any]) -> str:
-    """What to type to put an arm's base somewhere."""
+    """The flags that put an arm's base at a place."""
     base_mm = " ".join(f"{value:g}" for value in place["base_mm"])
     return f"--base-mm {base_mm} --base-yaw-deg {place['base_yaw_deg']:g}"

@@ -19,44 +19,44 @@ from .terminal import INTERRUPTED, parse
 class Options:
     """Show what happened in a run, from its recorded states.
 
-    Prints a line per action and checks each against the table of the run; with --video renders an MP4 as well. Nothing
-    is planned or solved again.
+    A line per action is printed and checked against the table of the run; with --video an MP4 is rendered as well.
+    Nothing is planned or solved again.
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
     """Folder of a run of `sounding episode`."""
     video: Path | None = None
-    """MP4 file to write. Needs PyAV: pip install 'sounding[video]'."""
+    """Video to write (.mp4), which needs pip install 'sounding[video]'."""
     fps: int = 25
-    """Frames a second, from 1 to 120."""
+    """Frames of the video a second, from 1 to 120."""
     speed: float = 4.0
-    """How many times faster than it happened."""
+    """How many times faster than the run the video is, from 0.01 to 1000."""
     width_px: int = 960
-    """Width of the video [pixels], even, from 64 to 1920."""
+    """Width of the video [pixels], an even number from 64 to 1920."""
     height_px: int = 720
-    """Height of the video [pixels], even, from 64 to 1440."""
+    """Height of the video [pixels], an even number from 64 to 1440."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not 1 <= self.fps <= 120:
-            raise FieldError("fps", self.fps, "from 1 to 120.")
+            raise FieldError("fps", self.fps, "must be from 1 to 120.")
         if not 0.01 <= self.speed <= 1000.0:
-            raise FieldError("speed", self.speed, "from 0.01 to 1000.")
+            raise FieldError("speed", self.speed, "must be from 0.01 to 1000.")
         for name, most in (("width_px", 1920), ("height_px", 1440)):
             value = getattr(self, name)
             if not 64 <= value <= most or value % 2:
-                raise FieldError(name, value, f"an even number from 64 to {most}.")
+                raise FieldError(name, value, f"must be an even number from 64 to {most}.")
         if self.video is not None and self.video.suffix.lower() != ".mp4":
             raise FieldError("video", self.video, "must end with .mp4.")
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Print the replay, and render it where a video is wanted; returns the exit code."""
+    """Print the replay, render it where a video is wanted, and return the exit code."""
     from sim.record.recording import read_recording
     from sim.viewing.replay import replay_table
 

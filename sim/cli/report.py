@@ -18,14 +18,14 @@ from .terminal import parse
 class Options:
     """Write report.html anew from the files of a run, finished or not.
 
-    The page holds everything it shows and opens without a network.
+    The page holds everything that it shows, and opens without a network.
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER ...")]
     """Folders of runs of `sounding episode`."""
 
     def __post_init__(self) -> None:
-        """Ask for one folder at least."""
+        """Check that there is a folder."""
         if not self.folders:
             raise UsageError(
                 "report: name the folder of a run, for example renders/liver-find-and-outline-0."
@@ -33,12 +33,12 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Write the reports; returns the exit code."""
+    """Write the reports, and return the exit code."""
     from sim.report import write_report
 
     for folder in options.folders:

@@ -1,13 +1,15 @@
-"""Between the commands and the terminal: options read from flags, fields in texts written as flags, exit codes."""
+"""What stands between commands and terminal: options read from flags, fields written as flags in texts, exit codes."""
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
 import tyro
+from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructFieldSpec, StructTypeInfo
 
 from sim.errors import FieldError, value_text
 from sim.running.fields import field_names, leaf_fields
@@ -21,16 +23,63 @@ _IN_BACKTICKS = re.compile(r"`(\w+)`")
 def parse(
     options_class: type[Options], arguments: Sequence[str], *, prog: str, default: Options | None = None
 ) -> Options:
-    """The options that the command line gives; it ends the process with a message where it cannot be understood.
+    """The options that the command line gives; where it cannot be understood, the process ends with a message.
 
     Args:
-        options_class: A dataclass; groups of its own are flattened, so that no flag has a prefix.
+        options_class: A dataclass. The groups in it are flattened, so that no flag has a prefix.
         arguments: What was typed after the command.
         prog: The command, for usage and messages.
-        default: Values of all that is not given; those of the class by default.
+        default: Values of all options that are not given; by default those of the class.
     """
     more: dict[str, Any] = {} if default is None else {"default": default}
-    return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
+    with _readable_help(options_class):
+        return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
+
+
+def _readable_help(options_class: type[Any]) -> ConstructorRegistry:
+    """A context in which help is made of the fields' docstrings on one line, with other fields as flags.
+
+    The parser would keep the line breaks of a docstring, which fall in the middle of the lines of a terminal.
+    """
+    registry, names = ConstructorRegistry(), set(leaf_fields(options_class))
+    is_inner = False
+
+    @registry.struct_rule
+    def rule(info: StructTypeInfo) -> StructConstructorSpec | None:
+        nonlocal is_inner
+        if is_inner or not dataclasses.is_dataclass(info.type):
+            return None
+        # From within this rule, the registry answers by the parser's own rules.
+        is_inner = True
+        try:
+            spec = ConstructorRegistry.get_struct_spec(info)
+        finally:
+            is_inner = False
+        if not isinstance(spec, StructConstructorSpec):
+            return None
+        return dataclasses.replace(
+            spec, fields=tuple(_with_readable_help(each, names) for each in spec.fields)
+        )
+
+    return registry
+
+
+def _with_readable_help(field: StructFieldSpec, names: set[str]) -> StructFieldSpec:
+    def text() -> str | None:
+        help_text = field.helptext() if callable(field.helptext) else field.helptext
+        return None if help_text is None else _replaced(" ".join(help_text.split()), names)
+
+    return dataclasses.replace(field, helptext=text)
+
+
+def given_word(arguments: Sequence[str], name: str) -> str | None:
+    """The word given for a field that decides how all others are read; None where the flag is not there."""
+    for index, argument in enumerate(arguments):
+        written, equals, word = argument.partition("=")
+        if written == flag(name):
+            word = word if equals else next(iter(arguments[index + 1 : index + 2]), "")
+            return word if word and not word.startswith("--") else None
+    return None
 
 
 def flag(name: str) -> str:
@@ -39,11 +88,11 @@ def flag(name: str) -> str:
 
 
 def in_flags(said: str | Exception, options_class: type[Any] | None = None) -> str:
-    """A text or an error with the names of fields, which stand in backticks, written as flags.
+    """A text or an error in which the names of fields, which stand in backticks, are written as flags.
 
     Args:
         said: The text or the error.
-        options_class: Options of the command; fields of an episode are known besides.
+        options_class: Options of the command; the fields of an episode are known without it.
     """
     names = {*field_names(), *(() if options_class is None else leaf_fields(options_class))}
     if isinstance(said, FieldError) and said.field in names:
@@ -61,7 +110,7 @@ def note(text: str) -> None:
 
 
 def aligned_lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> list[str]:
-    """Figures of a summary, one a line, with a dash where there is none.
+    """The lines of some figures of a summary, with a dash where a figure is missing.
 
     Args:
         rows: Label, key of the summary, and format of each figure.

@@ -25,45 +25,46 @@ if TYPE_CHECKING:
 class Options:
     """Run many episodes: every combination of scenarios, planners, arms and seeds, or those of a study file.
 
-    Writes trials.csv, a row per trial, timings.csv, curves.npz and a journal to the output folder. Called again, also
-    after being killed, it goes on where it stopped; a study may also grow, for example by more seeds.
+    The output folder gets trials.csv with a row per trial, timings.csv, curves.npz and a journal. Called again, also
+    after a kill, the command goes on where it stopped; the study may have grown meanwhile, for example by more seeds.
     """
 
     study: str | None = None
-    """A study file (.toml), or a study that Sounding brings along, for example paper. What is given beside it takes
-    precedence."""
+    """Study: the path of a study file (.toml), or the name of a study that Sounding brings along, for example paper.
+    Options that are given beside it take precedence."""
     scenario: tuple[str, ...] = ()
-    """Scenarios: sphere, spheres, liver, or paths of scenario files; liver by default."""
+    """Scenarios: sphere, spheres, liver, or paths of scenario files (.toml); by default liver."""
     planner: tuple[str, ...] = ()
-    """Planners, also of your own as package.module:Class; find-and-outline by default."""
+    """Planners, which may be your own as package.module:Class; by default find-and-outline."""
     sensor: tuple[str, ...] = ()
-    """Sensors, also of your own as package.module:Class; cone by default."""
+    """Sensors, which may be your own as package.module:Class; by default cone."""
     arm: tuple[str, ...] = ()
-    """Arms: default, none, or paths of MJCF files; default by default."""
+    """Arms: default (the embedded one), none, or paths of MJCF files; by default the embedded one."""
     trials: int | None = None
-    """Number of trials of each combination: seeds 0, 1, 2, ...; 10 where nothing says otherwise."""
+    """Number of trials of each combination, with the seeds 0, 1, 2 and so on; by default 10, or those of the study."""
     seeds: str | None = None
-    """Seeds in place of --trials, for example 5000:5100, whose end is left out."""
+    """Seeds in place of `trials`, for example 5000:5100, which leaves 5100 out."""
     steps: int | None = None
-    """Sensing actions at most."""
+    """Largest number of sensing actions of an episode."""
     until_sensed: float | None = None
     """Stop an episode as soon as this share of the tumours was sensed, for example 0.95."""
     motion: MotionKind | None = None
-    """How the arm gets from pose to pose. By default none: it jumps, with the time of the way estimated, which is far
-    faster; kinematic searches a path for it, servo simulates it."""
+    """Motion of the probe: none (it jumps, with the time of its way estimated, which is far faster), kinematic (a path
+    is searched) or servo (the path is simulated); by default none, or that of the study."""
     map: str | None = None
-    """always, when-needed (planners that need no map keep none), or a map of your own as package.module:Class. By
-    default when-needed where --until-sensed ends the episodes, since only the share sensed counts then."""
+    """Map to keep: always (the built-in map), when-needed (the built-in map only for planners that need it), or your
+    own as package.module:Class; by default that of the study, or without a study when-needed where `until_sensed` ends
+    the episodes, since only the share sensed counts then, and always otherwise."""
     out: Path | None = None
-    """Folder to write to; renders/<study>, or renders/trials."""
+    """Folder to write to; by default renders/<study>, or renders/trials without a study."""
     jobs: int = 2
-    """Processes. The rows do not depend on it."""
+    """Number of processes; the rows do not depend on it."""
     engine: EngineName = "local"
-    """local (processes of this machine), dask or ray."""
+    """Where the trials run: local (processes of this machine), dask or ray."""
     address: str | None = None
-    """Address of the Dask or Ray cluster; without it one is started on this machine."""
+    """Address of the Dask or Ray cluster; by default one is started on this machine."""
     folders: bool = False
-    """Write each trial's episode folder too, under trials/; takes twice the time."""
+    """Write each trial's episode folder too, under trials/, which takes twice the time."""
     dry_run: bool = False
     """Print how many trials there are and about how long they take, and write nothing."""
     retry_failed: bool = False
@@ -71,14 +72,14 @@ class Options:
     overwrite: bool = False
     """Replace a campaign that the folder already holds."""
     any_version: bool = False
-    """Go on with a campaign that another version of the code began. Its rows may differ for that alone."""
+    """Go on with a campaign that another version of the code began, for which reason its rows may differ."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not 1 <= self.jobs <= 256:
-            raise FieldError("jobs", self.jobs, "from 1 to 256.")
+            raise FieldError("jobs", self.jobs, "must be from 1 to 256.")
         if self.trials is not None and self.trials < 1:
-            raise FieldError("trials", self.trials, "1 or more.")
+            raise FieldError("trials", self.trials, "must be 1 or more.")
         if self.trials is not None and self.seeds is not None:
             raise UsageError("`trials` and `seeds` both say which seeds: give one of them.")
 
@@ -86,7 +87,7 @@ class Options:
         """The study that the options describe.
 
         Raises:
-            UsageError: A study file that cannot be used, or a value out of range.
+            UsageError: The study file cannot be used, or a value is out of range.
         """
         given = self._given()
         if self.study is not None:
@@ -104,7 +105,7 @@ class Options:
         return Path("renders") / (Path(self.study).stem if self.study is not None else study.title)
 
     def _given(self) -> dict[str, Any]:
-        """Values of the episode's options that the command line names."""
+        """The values of an episode's options that the command line names."""
         given: dict[str, Any] = {
             name: tuple(getattr(self, name))
             for name in ("scenario", "planner", "sensor", "arm")
@@ -121,12 +122,12 @@ class Options:
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Run the trials, or tell how many there are; returns the exit code."""
+    """Run the trials, or tell how many there are, and return the exit code."""
     from sim.campaign.campaign import campaign_text
     from sim.campaign.forecast import forecast_study, forecast_text
 
@@ -145,11 +146,11 @@ def run(options: Options) -> int:
 
 
 def run_campaign(options: Options, study: Study | None = None) -> CampaignSummary:
-    """Run the trials that the options describe.
+    """Run the trials that the options describe, and return what was done.
 
     Args:
         options: What to run, and how.
-        study: That of the options, where the caller has it already.
+        study: The study that the options describe, where the caller has it already.
     """
     from sim.campaign.campaign import run_trials
 

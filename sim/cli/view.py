@@ -24,26 +24,26 @@ class Options:
     folder: Annotated[Path, tyro.conf.Positional]
     """Folder of a run of `sounding episode`."""
     speed: float = 1.0
-    """How many times faster than it happened the viewer plays."""
+    """How many times faster than the run the viewer plays, from 0.01 to 1000."""
     rerun: Path | None = None
-    """Write a Rerun recording (.rrd) here, with its timelines, in place of opening the viewer. Needs
-    pip install 'sounding[rerun]'; `rerun FILE` opens it."""
+    """Rerun recording to write (.rrd) in place of opening the viewer, which needs pip install 'sounding[rerun]'; the
+    command rerun opens it."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not 0.01 <= self.speed <= 1000.0:
-            raise FieldError("speed", self.speed, "from 0.01 to 1000.")
+            raise FieldError("speed", self.speed, "must be from 0.01 to 1000.")
         if self.rerun is not None and self.rerun.suffix != ".rrd":
             raise FieldError("rerun", self.rerun, "must end with .rrd.")
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
-    """The options given."""
+    """The options that the command line gives."""
     return parse(Options, arguments, prog=prog)
 
 
 def run(options: Options) -> int:
-    """Show the run until the window is closed, or log it; returns the exit code."""
+    """Show the run until the window is closed, or log it, and return the exit code."""
     from sim.record.recording import read_recording
     from sim.record.run_record import load_run
     from sim.viewing.rerun_log import write_rerun

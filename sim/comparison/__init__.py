@@ -1,1 +1,1 @@
-"""Campaigns side by side: groups of trials, estimates with intervals, tables, figures, and a page."""
+"""Campaigns side by side: groups of trials, estimates with intervals, tables, figures and a page."""

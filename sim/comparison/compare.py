@@ -1,4 +1,4 @@
-"""The program behind `sounding compare`: tables and figures from the folders of campaigns."""
+"""The program behind `sounding compare`: it writes tables and figures from the folders of campaigns."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult
 from sim.errors import FieldError
+from sim.record.ownership import refuse_strangers
 from sim.running.config import ALWAYS
 from sim.running.fields import changed, config_of
 from sim.tables import write_csv
@@ -30,6 +31,7 @@ FIGURES: dict[str, Callable[[Path, Comparison, str], bool]] = {
     "auprc": draw_curves,
     "precision_recall": draw_precision,
 }
+"""What draws each figure of a case, by the figure's name."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,12 @@ def compare(
     """Compare campaigns and write compare.md, compare.csv, report.html and figures.
 
     Args:
-        folders: Folders that `run_trials` or `sounding trials` wrote, at least one.
+        folders: One or more folders that `run_trials` or `sounding trials` wrote.
         out: Folder to write to; by default `compare` in the first of them.
-        seeds: Look at these seeds only; at all by default.
-        reference: Contender against which all others are paired; by default all pairs are.
-        view_seed: Run this seed of each contender again and draw its map and poses from above and from the side.
-        jobs: Processes that draw the views.
+        seeds: Seeds to look at; None for all.
+        reference: Contender with which all others are paired; None for all pairs.
+        view_seed: Seed of each contender to run again, to draw its map and poses from above and from the side.
+        jobs: Number of processes that draw the views.
 
     Raises:
         UsageError: A folder holds no campaign, a reference is unknown, or the output cannot be written.
@@ -73,6 +75,8 @@ def compare(
     notes = notes_on(campaigns)
     text = markdown(comparison, notes)
     folder = campaigns[0] / "compare" if out is None else Path(out)
+    if not (folder / "compare.csv").is_file():
+        refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / "compare.md") as file:
         file.write(text.encode())
@@ -91,7 +95,7 @@ def compare(
 
 
 def draw_views(folder: Path, comparison: Comparison, seed: int, n_jobs: int) -> list[Path]:
-    """Run one seed of each contender again and write its episode folder, with top and side views of its map.
+    """Run one seed of each contender again, write its episode folder, and return the top and side views of its map.
 
     Raises:
         UsageError: No contender has that seed.

@@ -1,4 +1,4 @@
-"""The comparison of contenders, case by case: what each comes to, and how pairs do on the same seeds."""
+"""The comparison of contenders, case by case: the score of each, and how pairs do on the same seeds."""
 
 from __future__ import annotations
 
@@ -25,15 +25,17 @@ from .trial_groups import TrialGroup
 
 @dataclass(frozen=True)
 class Measure:
-    """Something by which contenders are compared."""
+    """A measure by which contenders are compared."""
 
     key: str
-    """Column of the rows."""
+    """Column of the trials' rows that holds it."""
     label: str
+    """What tables and figures call it."""
     lower_is_better: bool
     form: str = "{:.1f}"
+    """Format of its values."""
     after_equal_steps: bool = False
-    """Whether it only compares episodes that were not stopped by what they had sensed."""
+    """Whether it compares only episodes that were not stopped by what they had sensed."""
 
 
 SENSINGS = Measure("sensings_to_95", "sensings to 95 %", True)
@@ -53,27 +55,27 @@ MEASURES = (
 
 @dataclass(frozen=True)
 class Score:
-    """What one contender comes to by one measure."""
+    """The score of a contender by a measure."""
 
     case: str
     contender: str
     measure: Measure
     estimate: MeanEstimate
-    """Of the mean; where some contender of the case never got there, of the mean restricted to the horizon."""
+    """Estimate of the mean, which is restricted to the horizon where some contender of the case never got there."""
     median: float
-    """Infinite where half of the trials never got there."""
+    """Median of the trials; infinite where half of them never got there."""
     median_interval: Interval
     n_never: int
-    """Trials that never got there; they count with the horizon in the restricted mean."""
+    """Number of trials that never got there, which count with the horizon in the restricted mean."""
     n_failed: int
-    """Trials without a result; they are not in the other figures."""
+    """Number of trials without a result, which the other figures leave out."""
     horizon: float
-    """Actions after which nothing is counted in the mean; infinite where all got there."""
+    """Number of actions after which the mean counts nothing; infinite where all trials got there."""
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """How one contender does against another by one measure."""
+    """How a contender does against another by a measure."""
 
     case: str
     first: str
@@ -100,7 +102,7 @@ class Comparison:
         return [group for group in self.groups if group.case == case]
 
     def score(self, case: str, contender: str, key: str) -> Score | None:
-        """A score, None where the measure does not apply."""
+        """The score of a contender by a measure; None where the measure does not apply."""
         for score in self.scores:
             if (score.case, score.contender, score.measure.key) == (case, contender, key):
                 return score
@@ -108,35 +110,35 @@ class Comparison:
 
 
 def compare_groups(groups: Sequence[TrialGroup], *, reference: str | None = None) -> Comparison:
-    """Scores of all contenders and of all pairs of them.
+    """The scores of all contenders and of all pairs of them.
 
     Args:
-        groups: From `load_groups`.
-        reference: Contender against which all others are paired; by default every pair is.
+        groups: Groups that `load_groups` made.
+        reference: Contender with which all others are paired; None for all pairs.
     """
     scores: list[Score] = []
     pairings: list[Pairing] = []
     for case in dict.fromkeys(group.case for group in groups):
-        mine = [group for group in groups if group.case == case]
+        of_case = [group for group in groups if group.case == case]
         for measure in MEASURES:
-            able = [group for group in mine if _applies(measure, group)]
-            horizon = horizon_of(able) if measure is SENSINGS else math.inf
-            scores += [_score(group, measure, horizon) for group in able]
-            pairings += _pairings(able, measure, horizon, reference)
+            scored = [group for group in of_case if _applies(measure, group)]
+            horizon = horizon_of(scored) if measure is SENSINGS else math.inf
+            scores += [_score(group, measure, horizon) for group in scored]
+            pairings += _pairings(scored, measure, horizon, reference)
     return Comparison(tuple(groups), tuple(scores), tuple(pairings))
 
 
 def horizon_of(groups: Sequence[TrialGroup]) -> float:
-    """The fewest actions after which a contender's trials were given up without getting there, infinite if none was.
+    """The fewest actions after which a trial of any contender was given up without getting there; infinite without one.
 
-    Beyond it nothing is known about that contender, so restricted means of all count up to here.
+    Beyond it nothing is known about that contender, so the restricted means of all count up to here.
     """
     lacking = [group.n_steps for group in groups if np.isinf(group.sensings_to_95()).any()]
     return float(min(lacking, default=math.inf))
 
 
 def measured(group: TrialGroup, measure: Measure, horizon: float) -> NDArray[np.float64]:
-    """A group's values by a measure, cut at the horizon, shape (n,)."""
+    """The values of a group by a measure, cut at the horizon, shape (n,)."""
     if measure is SENSINGS:
         return np.minimum(group.sensings_to_95(), horizon)
     return group.values(measure.key)

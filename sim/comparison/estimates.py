@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 CONFIDENCE = 0.95
+"""Confidence of all intervals."""
 N_RESAMPLES = 9999
+"""Samples that the bootstrap draws."""
 Interval = tuple[float, float]
 NO_INTERVAL = (math.nan, math.nan)
 
@@ -47,10 +49,10 @@ def mean_estimate(values: ArrayLike, *, seed: int = 0) -> MeanEstimate:
 
     Args:
         values: The sample, shape (n,), n of at least 1.
-        seed: Of the resampling.
+        seed: Seed of the resampling.
 
     Raises:
-        ValueError: No value, or one that is not finite.
+        ValueError: There is no value, or one is not finite.
     """
     sample = np.asarray(values, dtype=np.float64)
     if sample.ndim != 1 or not sample.size or not np.isfinite(sample).all():
@@ -65,7 +67,7 @@ def median_with_interval(values: ArrayLike) -> tuple[float, Interval]:
     """The median of values, of which some may be infinite, and an interval free of assumptions.
 
     The interval runs between the order statistics that hold the median with at least 95 % by the binomial
-    distribution; with five values or fewer there is none.
+    distribution; five values or fewer have no such interval.
 
     Args:
         values: The sample, shape (n,), n of at least 1; infinite where an event never came.
@@ -103,6 +105,31 @@ def paired_estimate(first: ArrayLike, second: ArrayLike, *, lower_is_better: boo
         win_rate=win_rate,
         win_interval=share_interval(win_rate, a.size),
     )
+
+
+def spread_of(
+    curves: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The mean of curves of shares, and the ends of one standard deviation about it, within 0 and 1, each shape (K,).
+
+    Args:
+        curves: One curve per trial, shape (n, K).
+    """
+    mean = curves.mean(axis=0)
+    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
+    return mean, np.clip(mean - deviation, 0, 1), np.clip(mean + deviation, 0, 1)
+
+
+def reached_shares(needed: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The numbers of actions, from 1 on, at which more trials have got there, and the share that has by then.
+
+    Args:
+        needed: Actions that each trial needed, shape (n,); infinite where it never got there.
+    """
+    ranked = np.sort(needed)
+    shares = np.arange(1, len(ranked) + 1) / len(ranked)
+    is_there = np.isfinite(ranked)
+    return np.concatenate([[1.0], ranked[is_there]]), np.concatenate([[0.0], shares[is_there]])
 
 
 def share_interval(share: float, n: int) -> Interval:

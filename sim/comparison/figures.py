@@ -13,16 +13,17 @@ from sim.campaign.trial_result import RECALL_LEVELS
 from sim.pictures.figures import BLUE, INK, MUTED, VERMILION, new_figure, save
 
 from .comparison import SENSINGS, Comparison, Score, horizon_of, measured
+from .estimates import reached_shares, spread_of
 from .trial_groups import TrialGroup
 
 COLOURS = (VERMILION, BLUE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-"""Of Okabe and Ito's palette."""
+"""Colours of Okabe and Ito's palette, one for each contender."""
 JITTER = 0.16
 """Dots of trials lie this far to either side of the middle of their bar [bar spacings]."""
 
 
 def draw_sensings(path: Path, comparison: Comparison, case: str) -> bool:
-    """Writes a bar chart of the sensings to 95 %, a dot per trial; returns whether there was anything to draw."""
+    """Write a bar chart of the sensings to 95 %, with a dot per trial, and return whether there was any to draw."""
     groups = [g for g in comparison.groups_of(case) if comparison.score(case, g.contender, SENSINGS.key)]
     if not groups:
         return False
@@ -49,7 +50,8 @@ def _draw_bar(axes: Axes, place: int, score: Score, values: NDArray[np.float64],
     estimate = score.estimate
     axes.bar(place, estimate.mean, width=0.62, color=colour, alpha=0.28)
     spread = np.linspace(-JITTER, JITTER, len(values)) if len(values) > 1 else np.zeros(1)
-    order = np.random.default_rng(0).permutation(len(values))  # so that seeds make no slope
+    # In the order of seeds, dots of a trend would make a slope.
+    order = np.random.default_rng(0).permutation(len(values))
     axes.plot(place + spread[order], values, "o", color=colour, markersize=3.5, alpha=0.75, markeredgewidth=0)
     if np.isfinite(estimate.interval[0]):
         low, high = estimate.interval
@@ -64,24 +66,20 @@ def _draw_bar(axes: Axes, place: int, score: Score, values: NDArray[np.float64],
 
 
 def _bar_label(score: Score) -> str:
-    """Name, mean and the number of trials that never got there; beside the bar it would lie among the dots."""
+    """The name, the mean and the number of trials that never got there, which would lie among the dots elsewhere."""
     never = f", {score.n_never} never" if score.n_never else ""
     return f"{_wrapped(score.contender)}\n$\\bf{{{score.estimate.mean:.1f}}}${never}"
 
 
 def draw_reached(path: Path, comparison: Comparison, case: str) -> bool:
-    """Writes the share of trials that had got to 95 % after each action; returns whether there was any."""
+    """Write the share of trials that had got to 95 % after each action, and return whether there was any to draw."""
     groups = [g for g in comparison.groups_of(case) if comparison.score(case, g.contender, SENSINGS.key)]
     if not groups:
         return False
     figure, axes = new_figure(width_in=6.4, height_in=4.2)
     last = max(group.n_steps for group in groups)
     for index, group in enumerate(groups):
-        needed = np.sort(group.sensings_to_95())
-        shares = np.arange(1, len(needed) + 1) / len(needed)
-        is_there = np.isfinite(needed)
-        x = np.concatenate([[1.0], needed[is_there]])
-        y = np.concatenate([[0.0], shares[is_there]])
+        x, y = reached_shares(group.sensings_to_95())
         axes.step(
             x, y, where="post", color=COLOURS[index % len(COLOURS)], linewidth=2.2, label=group.contender
         )
@@ -96,7 +94,7 @@ def draw_reached(path: Path, comparison: Comparison, case: str) -> bool:
 
 
 def draw_curves(path: Path, comparison: Comparison, case: str) -> bool:
-    """Writes mean and deviation of the AUPRC after each action; returns whether there was any."""
+    """Write mean and deviation of the AUPRC after each action, and return whether there was any to draw."""
     groups = [g for g in comparison.groups_of(case) if comparison.score(case, g.contender, "auprc")]
     if not groups:
         return False
@@ -114,7 +112,7 @@ def draw_curves(path: Path, comparison: Comparison, case: str) -> bool:
 
 
 def draw_precision(path: Path, comparison: Comparison, case: str) -> bool:
-    """Writes mean and deviation of the precision at each recall of the final maps; returns whether there was any."""
+    """Write mean and deviation of the final maps' precision at each recall, and return whether there was any."""
     groups = [g for g in comparison.groups_of(case) if comparison.score(case, g.contender, "auprc")]
     if not groups:
         return False
@@ -136,9 +134,7 @@ def draw_precision(path: Path, comparison: Comparison, case: str) -> bool:
 def _draw_band(
     axes: Axes, x: NDArray[np.float64], curves: NDArray[np.float64], colour: str, label: str
 ) -> None:
-    mean = curves.mean(axis=0)
-    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
-    low, high = np.clip(mean - deviation, 0, 1), np.clip(mean + deviation, 0, 1)
+    mean, low, high = spread_of(curves)
     axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
     axes.plot(x, mean, color=colour, linewidth=2.2, label=label)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,8 +16,9 @@ from sim.report.page import REPORT, environment
 from sim.running.fields import config_of
 
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
+from .estimates import reached_shares, spread_of
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
-from .tables import failures, interval_text, number_text
+from .tables import failures, horizon_note, pair_cells, score_cells
 from .trial_groups import TrialGroup
 
 TEMPLATES = Path(__file__).resolve().parent / "assets"
@@ -32,13 +32,13 @@ def write_comparison_page(
     campaigns: Sequence[Path],
     views: Path | None = None,
 ) -> Path:
-    """Write the report of a comparison; returns the file.
+    """Write the report of a comparison, and return the file.
 
     Args:
-        folder: Where to write.
+        folder: The folder to write to.
         comparison: What is compared.
         notes: Sentences about the campaigns.
-        campaigns: Their folders, in which episodes' folders are looked for.
+        campaigns: Folders of the campaigns, in which the folders of episodes are looked for.
         views: Folder of the runs that were drawn again.
     """
     names = list(dict.fromkeys(group.contender for group in comparison.groups))
@@ -59,7 +59,7 @@ def _lede(comparison: Comparison, names: Sequence[str], n_trials: int) -> str:
     cases = len(comparison.cases)
     return (
         f"{n_trials:,} trials of {len(names)} {'contender' if len(names) == 1 else 'contenders'} in {cases} "
-        f"{'case' if cases == 1 else 'cases'}. Contenders given one seed face the same tumours. Intervals hold 95 %."
+        f"{'case' if cases == 1 else 'cases'}. Contenders with one seed face the same tumours. Intervals hold 95 %."
     )
 
 
@@ -111,31 +111,23 @@ def _charts(
 
 
 def _reached(group: TrialGroup, names: Sequence[str]) -> Series:
-    needed = np.sort(group.sensings_to_95())
-    shares = np.arange(1, len(needed) + 1) / len(needed)
-    is_there = np.isfinite(needed)
-    end = shares[is_there][-1] if is_there.any() else 0.0
+    x, shares = reached_shares(group.sensings_to_95())
     return Series(
         name=group.contender, index=names.index(group.contender), is_step=True,
-        x=np.concatenate([[1.0], needed[is_there], [max(group.n_steps, 2)]]),
-        middle=np.concatenate([[0.0], shares[is_there], [end]]),
+        x=np.append(x, max(group.n_steps, 2)), middle=np.append(shares, shares[-1]),
     )  # fmt: skip
 
 
 def _banded(group: TrialGroup, key: str, x: np.ndarray, names: Sequence[str]) -> Series:
-    curves = group.curve(key)
-    mean = curves.mean(axis=0)
-    deviation = curves.std(axis=0, ddof=1) if len(curves) > 1 else np.zeros_like(mean)
+    mean, low, high = spread_of(group.curve(key))
     return Series(
-        name=group.contender, index=names.index(group.contender), x=x[: len(mean)], middle=mean,
-        low=np.clip(mean - deviation, 0, 1), high=np.clip(mean + deviation, 0, 1),
+        name=group.contender, index=names.index(group.contender), x=x[: len(mean)], middle=mean, low=low, high=high,
     )  # fmt: skip
 
 
 def _measure(
     measure: Measure, scores: Sequence[Score], pairings: Sequence[Pairing], names: Sequence[str]
 ) -> dict[str, Any]:
-    horizon = scores[0].horizon
     span = span_of([s.estimate.mean for s in scores], [s.estimate.interval for s in scores], from_zero=True)
     pair_span = span_of(
         [p.estimate.difference.mean for p in pairings] or [0.0],
@@ -144,10 +136,7 @@ def _measure(
     return {
         "title": measure.label[0].upper() + measure.label[1:],
         "better": "lower is better" if measure.lower_is_better else "higher is better",
-        "note": "" if math.isinf(horizon) else (
-            f"Not every trial got there. Means are restricted to {horizon:.0f} actions: a trial that needs more, or "
-            "never gets there, counts with that number. Medians are of all trials."
-        ),
+        "note": horizon_note(scores[0].horizon),
         "has_never": measure is SENSINGS,
         "scores": [_score_row(score, span, names) for score in scores],
         "pairs": [_pair_row(pairing, pair_span) for pairing in pairings],
@@ -155,37 +144,19 @@ def _measure(
 
 
 def _score_row(score: Score, span: tuple[float, float], names: Sequence[str]) -> dict[str, Any]:
-    form, estimate = score.measure.form, score.estimate
-    index = names.index(score.contender)
-    return {
-        "name": score.contender,
-        "colour": f"c{index % N_COLOURS}",
-        "n": estimate.n,
-        "mean": f"{form.format(estimate.mean)} ± {number_text(estimate.deviation, form)}",
-        "interval": interval_text(estimate.interval, form),
-        "strip": strip(estimate.mean, estimate.interval, span, colour=f"c{index % N_COLOURS}"),
-        "median": f"{number_text(score.median, form)} {interval_text(score.median_interval, form)}",
-        "never": f"{score.n_never} of {estimate.n}",
-        "failed": score.n_failed,
-    }
+    colour = f"c{names.index(score.contender) % N_COLOURS}"
+    line = strip(score.estimate.mean, score.estimate.interval, span, colour=colour)
+    return score_cells(score) | {"colour": colour, "strip": line}
 
 
 def _pair_row(pairing: Pairing, span: tuple[float, float]) -> dict[str, Any]:
-    form, estimate = pairing.measure.form, pairing.estimate
-    difference = estimate.difference
-    losses = estimate.n - estimate.n_wins - estimate.n_ties
-    return {
-        "name": f"{pairing.first} − {pairing.second}",
-        "n": estimate.n,
-        "difference": f"{form.format(difference.mean)} {interval_text(difference.interval, form)}",
-        "strip": strip(difference.mean, difference.interval, span, colour="ink", zero=True),
-        "wins": f"{estimate.n_wins} / {estimate.n_ties} / {losses}",
-        "rate": f"{estimate.win_rate:.0%} {interval_text(estimate.win_interval, '{:.0%}')}",
-    }
+    difference = pairing.estimate.difference
+    line = strip(difference.mean, difference.interval, span, colour="ink", zero=True)
+    return pair_cells(pairing) | {"strip": line}
 
 
 def _runs(group: TrialGroup, folder: Path, campaigns: Sequence[Path]) -> dict[str, Any] | None:
-    """Links to the reports of a contender's trials, by seed; None where no trial has a folder."""
+    """The links to the reports of a contender's trials, by seed; None where no trial has a folder."""
     links = []
     for entry in group.entries:
         name = Trial(config_of(entry["settings"])).name
@@ -204,5 +175,5 @@ def _views(views: Path | None, folder: Path) -> list[tuple[str, str]]:
 
 
 def _address(report: Path, folder: Path) -> str:
-    """The way from a folder to a page, as a link has it."""
+    """The path from a folder to a page, as a link has it."""
     return Path(os.path.relpath(report, folder)).as_posix()

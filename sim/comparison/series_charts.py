@@ -9,58 +9,57 @@ from html import escape
 
 import numpy as np
 
-from sim.report.charts import Numbers, Plot, count_ticks, svg_text, x_axis, y_axis
+from sim.report.charts import QUARTERS, Numbers, Plot, count_ticks, svg_text, x_axis, y_axis
 
 N_COLOURS = 7
-"""Colours of the style sheet, c0 to c6; more contenders begin anew."""
+"""Colours of the style sheet, c0 to c6; with more contenders they repeat."""
 MOST_POINTS = 400
+"""Most points of a curve that is drawn."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Series:
-    """One contender's curve."""
+    """The curve of a contender."""
 
     name: str
     index: int
-    """Its place among the contenders, which is its colour."""
+    """Place of the contender among all, which decides about the colour."""
     x: Numbers
-    """Shape (K,)."""
+    """Places across, shape (K,)."""
     middle: Numbers
-    """Shape (K,)."""
+    """Heights of the curve, shape (K,)."""
     low: Numbers | None = None
-    """Lower edge of its spread, shape (K,); None for none."""
+    """Lower edge of the spread, shape (K,); None where no spread is drawn."""
     high: Numbers | None = None
+    """Upper edge of the spread, shape (K,); None where no spread is drawn."""
     is_step: bool = False
-    """Hold each height until the next place."""
+    """Whether each height is held until the next place."""
 
     @property
     def colour(self) -> str:
-        """Class of its colour."""
+        """The class of the curve's colour."""
         return f"c{self.index % N_COLOURS}"
 
 
 def series_chart(series: Sequence[Series], *, label: str, is_log: bool = False, is_unit: bool = False) -> str:
-    """Curves over the sensing actions (or over the unit interval), heights from 0 to 1.
+    """A chart of curves over the sensing actions, or over the unit interval, with heights from 0 to 1.
 
     Args:
         series: The curves.
         label: What is drawn, for those who cannot see it.
-        is_log: Draw the actions on a logarithmic axis.
-        is_unit: The places run from 0 to 1 too.
+        is_log: Whether the actions stand on a logarithmic axis.
+        is_unit: Whether the places across run from 0 to 1 too.
     """
     last = max(float(each.x[-1]) for each in series)
     low = math.log10(float(min(each.x[0] for each in series))) if is_log else 0.0
     high = max(math.log10(last) if is_log else last, low + 1e-9)
-    plot = Plot(
-        x_range=(low, high * 1.01 if not is_unit else 1.0), y_range=(0.0, 1.0), width=380.0, height=250.0
-    )
-    ticks = (
-        _decades(low, high)
-        if is_log
-        else ((0.0, 0.25, 0.5, 0.75, 1.0) if is_unit else count_ticks(int(last)))
-    )
-    body = [y_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0), is_percent=False)]
-    body.append(x_axis(plot, ticks, [f"{10**tick:g}" for tick in ticks] if is_log else None))
+    end = 1.0 if is_unit else high * 1.01
+    plot = Plot(x_range=(low, end), y_range=(0.0, 1.0), width=380.0, height=250.0)
+    ticks, texts = (QUARTERS if is_unit else count_ticks(int(last))), None
+    if is_log:
+        ticks = _decades(low, high)
+        texts = [f"{10**tick:g}" for tick in ticks]
+    body = [y_axis(plot, QUARTERS, is_percent=False), x_axis(plot, ticks, texts)]
     body += [_band(plot, each, is_log=is_log) for each in series if each.low is not None]
     body += [_curve(plot, each, is_log=is_log) for each in series]
     return svg_text(plot, label, body)
@@ -72,11 +71,11 @@ def strip(
     """A mean and its interval on a line that all rows of a table share.
 
     Args:
-        mean: The dot.
-        interval: The bar; NaN for none.
-        span: What the line runs from and to.
-        colour: Class of its colour.
-        zero: Mark 0.
+        mean: Where the dot lies.
+        interval: Ends of the bar; NaN for no bar.
+        span: Ends of the line.
+        colour: Class of the colour.
+        zero: Whether 0 is marked.
     """
     plot = Plot(
         x_range=span, y_range=(0.0, 1.0), width=180.0, height=20.0, left=4.0, right=4.0, top=0.0, bottom=0.0
@@ -94,7 +93,7 @@ def strip(
 def span_of(
     means: Sequence[float], intervals: Sequence[tuple[float, float]], *, from_zero: bool
 ) -> tuple[float, float]:
-    """What a line has to run from and to so that it holds all means and intervals."""
+    """The ends of a line that holds all means and intervals."""
     ends = [*means, *(end for interval in intervals for end in interval if math.isfinite(end))]
     low, high = (min(0.0, *ends), max(0.0, *ends)) if from_zero else (min(ends), max(ends))
     margin = 0.04 * (high - low) or max(abs(high), 1.0) * 0.04

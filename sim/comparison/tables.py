@@ -1,4 +1,4 @@
-"""A comparison as tables: Markdown for people, CSV for programs."""
+"""A comparison as tables: cells as text, Markdown for people, CSV for programs."""
 
 from __future__ import annotations
 
@@ -25,67 +25,73 @@ def markdown(comparison: Comparison, notes: Sequence[str] = ()) -> str:
         for measure in dict.fromkeys(score.measure for score in scores):
             better = "lower" if measure.lower_is_better else "higher"
             parts.append(f"### {measure.label} ({better} is better)")
-            mine = [score for score in scores if score.measure == measure]
-            parts.append(score_table(mine))
-            if math.isfinite(mine[0].horizon):
-                parts.append(
-                    f"Not every trial got there. Means are restricted to {mine[0].horizon:.0f} actions: a trial that "
-                    "needs more, or never gets there, counts with that number. Medians are of all trials."
-                )
+            by_measure = [score for score in scores if score.measure == measure]
+            parts.append(score_table(by_measure))
+            if note := horizon_note(by_measure[0].horizon):
+                parts.append(note)
             pairs = [pairing for pairing in pairings if pairing.measure == measure]
             if pairs:
                 parts.append(pair_table(pairs))
     return "\n\n".join(parts) + "\n"
 
 
+def horizon_note(horizon: float) -> str:
+    """What to say where means are restricted; empty where every trial got there."""
+    if math.isinf(horizon):
+        return ""
+    return (
+        f"Not every trial got there. Means are restricted to {horizon:.0f} actions: a trial that needs more, or never "
+        "gets there, counts with that number. Medians are of all trials."
+    )
+
+
 def score_table(scores: Sequence[Score]) -> str:
-    """Scores by one measure as a Markdown table."""
-    rows = []
-    for score in scores:
-        form, estimate = score.measure.form, score.estimate
-        never = f"{score.n_never} of {estimate.n}" if score.measure is SENSINGS else "–"
-        rows.append(
-            (
-                score.contender,
-                str(estimate.n),
-                f"{form.format(estimate.mean)} ± {number_text(estimate.deviation, form)}",
-                interval_text(estimate.interval, form),
-                f"{number_text(score.median, form)} {interval_text(score.median_interval, form)}",
-                never,
-                str(score.n_failed),
-            )
-        )
-    return markdown_table(SCORE_HEAD, rows)
+    """The scores by one measure as a Markdown table."""
+    return markdown_table(SCORE_HEAD, [list(score_cells(score).values()) for score in scores])
+
+
+def score_cells(score: Score) -> dict[str, str]:
+    """The cells of a score, in the order of `SCORE_HEAD`."""
+    form, estimate = score.measure.form, score.estimate
+    return {
+        "name": score.contender,
+        "n": str(estimate.n),
+        "mean": f"{form.format(estimate.mean)} ± {number_text(estimate.deviation, form)}",
+        "interval": interval_text(estimate.interval, form),
+        "median": f"{number_text(score.median, form)} {interval_text(score.median_interval, form)}",
+        "never": f"{score.n_never} of {estimate.n}" if score.measure is SENSINGS else "–",
+        "failed": str(score.n_failed),
+    }
 
 
 def pair_table(pairings: Sequence[Pairing]) -> str:
-    """Pairings by one measure as a Markdown table; differences are first minus second."""
-    rows = []
-    for pairing in pairings:
-        form, estimate = pairing.measure.form, pairing.estimate
-        difference = estimate.difference
-        n_losses = estimate.n - estimate.n_wins - estimate.n_ties
-        rows.append(
-            (
-                f"{pairing.first} − {pairing.second}",
-                str(estimate.n),
-                f"{form.format(difference.mean)} {interval_text(difference.interval, form)}",
-                f"{estimate.n_wins} / {estimate.n_ties} / {n_losses}",
-                f"{estimate.win_rate:.0%} {interval_text(estimate.win_interval, '{:.0%}')}",
-            )
-        )
-    return markdown_table(PAIR_HEAD, rows)
+    """The pairings by one measure as a Markdown table; differences are first minus second."""
+    return markdown_table(PAIR_HEAD, [list(pair_cells(pairing).values()) for pairing in pairings])
+
+
+def pair_cells(pairing: Pairing) -> dict[str, str]:
+    """The cells of a pairing, in the order of `PAIR_HEAD`."""
+    form, estimate = pairing.measure.form, pairing.estimate
+    difference = estimate.difference
+    n_losses = estimate.n - estimate.n_wins - estimate.n_ties
+    return {
+        "name": f"{pairing.first} − {pairing.second}",
+        "n": str(estimate.n),
+        "difference": f"{form.format(difference.mean)} {interval_text(difference.interval, form)}",
+        "wins": f"{estimate.n_wins} / {estimate.n_ties} / {n_losses}",
+        "rate": f"{estimate.win_rate:.0%} {interval_text(estimate.win_interval, '{:.0%}')}",
+    }
 
 
 def interval_text(interval: Interval, form: str) -> str:
-    """An interval in brackets, a dash where there is none."""
+    """An interval in brackets, with a dash where there is none."""
     if math.isnan(interval[0]):
         return "[–]"
     return f"[{number_text(interval[0], form)}, {number_text(interval[1], form)}]"
 
 
 def flat_rows(comparison: Comparison) -> list[dict[str, Any]]:
-    """Scores and pairings as rows of one CSV file, with all their digits."""
+    """The scores and pairings as rows of one CSV file, with all their digits."""
     return [*map(_score_row, comparison.scores), *map(_pairing_row, comparison.pairings)]
 
 
@@ -132,7 +138,7 @@ def _estimate_cells(estimate: MeanEstimate) -> dict[str, Any]:
 
 
 def failures(comparison: Comparison, case: str) -> list[str]:
-    """A sentence about the trials without a result, which must not go unnoticed."""
+    """A sentence about the trials of a case that have no result; nothing where all have one."""
     failed = [(group, entry) for group in comparison.groups_of(case) for entry in group.failed]
     if not failed:
         return []
@@ -144,7 +150,7 @@ def failures(comparison: Comparison, case: str) -> list[str]:
 
 
 def number_text(value: float, form: str) -> str:
-    """A number, a dash where there is none, `never` where it is infinite."""
+    """A number, with a dash where there is none, and `never` where it is infinite."""
     if math.isnan(value):
         return "–"
     return "never" if math.isinf(value) else form.format(value)

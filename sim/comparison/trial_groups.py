@@ -1,4 +1,4 @@
-"""Trial groups: the trials of one or more campaigns, by case (what is to find) and contender (what looks for it)."""
+"""Trial groups: the trials of one or more campaigns by case (what is to be found) and contender (what looks for it)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from sim.campaign.journal import Entry, read_entries
 from sim.campaign.study import SETUP_OPTIONS
 from sim.errors import UsageError
 from sim.running.fields import default_of
+from sim.tables import nan_for_none
 
 ENDINGS = ("steps", "until_sensed")
-"""Options that say when an episode ends; they are told beside the groups, not in their names."""
+"""Options that say when an episode ends; the names of groups leave them out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,40 +29,39 @@ class TrialGroup:
     case: str
     contender: str
     entries: tuple[Entry, ...]
-    """Of the trials that came to their end."""
+    """Entries of the finished trials."""
     failed: tuple[Entry, ...]
-    """Of the trials that did not."""
+    """Entries of all others, which failed or whose worker died."""
 
     @property
     def seeds(self) -> NDArray[np.int64]:
-        """Seeds of `entries`, shape (n,)."""
+        """The seeds of `entries`, shape (n,)."""
         return np.array([entry["settings"]["seed"] for entry in self.entries], dtype=np.int64)
 
     @property
     def n_steps(self) -> int:
-        """Sensing actions at most."""
+        """The largest number of sensing actions."""
         return int(self.setting("steps"))
 
     def setting(self, name: str) -> Any:
-        """An option's value, the same for the whole group."""
+        """The value of an option, which is the same for the whole group."""
         return (self.entries or self.failed)[0]["settings"].get(name, default_of(name))
 
     def values(self, key: str) -> NDArray[np.float64]:
         """A column of the rows, shape (n,); NaN where it is empty or missing."""
-        values = [entry["row"].get(key) for entry in self.entries]
-        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+        return np.array(nan_for_none(entry["row"].get(key) for entry in self.entries), dtype=np.float64)
 
     def sensings_to_95(self) -> NDArray[np.float64]:
-        """Actions until 95 % of the tumours was sensed, shape (n,); infinite where that never came."""
+        """The actions until 95 % of the tumours was sensed, shape (n,); infinite where that never came."""
         values = self.values("sensings_to_95")
         return np.where(np.isnan(values), np.inf, values)
 
     def curve(self, name: str) -> NDArray[np.float64]:
-        """Values after each action, shape (n, longest); an episode that ended before keeps its last, NaN for none."""
+        """The values after each action, shape (n, longest); an episode that ended before keeps its last value."""
         curves = [entry["curves"].get(name) or [None] for entry in self.entries]
         longest = max((len(curve) for curve in curves), default=0)
         held = [[*curve, *[curve[-1]] * (longest - len(curve))] for curve in curves]
-        return np.array([[np.nan if v is None else v for v in row] for row in held], dtype=np.float64)
+        return np.array([nan_for_none(row) for row in held], dtype=np.float64)
 
 
 def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None) -> list[TrialGroup]:
@@ -72,17 +72,17 @@ def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None)
 
     Args:
         folders: Folders of campaigns; one that still runs may be among them.
-        seeds: Seeds to look at; all by default.
+        seeds: Seeds to look at; None for all.
 
     Raises:
-        UsageError: A folder that holds no campaign, or no trial.
+        UsageError: A folder holds no campaign, or no trial is done yet.
     """
     names = _names(folders)
     held = [(name, _entries(folder)) for folder, name in names.items()]
     entries = [(name, e) for name, es in held for e in es if seeds is None or e["settings"]["seed"] in seeds]
     if not entries:
         raise UsageError(f"{', '.join(map(str, folders))}: no trial is done there yet.")
-    is_ambiguous = _ambiguous([e for _, e in entries], len(names))
+    is_ambiguous = _is_ambiguous([e for _, e in entries], len(names))
     varying = _varying([entry["settings"] for _, entry in entries])
     groups: dict[tuple[str, str], list[Entry]] = {}
     for name, entry in entries:
@@ -104,7 +104,7 @@ def notes_on(folders: Sequence[Path]) -> list[str]:
 
 
 def _names(folders: Sequence[Path]) -> dict[Path, str]:
-    """The folders, each once, by the shortest ends of their paths that tell them all apart."""
+    """The folders, each once, with the shortest ends of their paths that tell them all apart."""
     places = {folder.resolve(): folder for folder in dict.fromkeys(folders)}
     n_parts = 1
     while len({place.parts[-n_parts:] for place in places}) < len(places):
@@ -140,7 +140,7 @@ def _contender(settings: dict[str, Any], varying: Sequence[str]) -> str:
 
 
 def _varying(settings: list[dict[str, Any]]) -> list[str]:
-    """Options that tell contenders of one case apart."""
+    """The options that tell contenders of one case apart."""
     apart: dict[str, None] = {}
     first: dict[tuple[str, str], dict[str, Any]] = {}
     hidden = (*SETUP_OPTIONS, *ENDINGS, "planner", "seed", "map")
@@ -152,6 +152,7 @@ def _varying(settings: list[dict[str, Any]]) -> list[str]:
     return list(apart)
 
 
-def _ambiguous(entries: list[Entry], n_folders: int) -> bool:
+def _is_ambiguous(entries: list[Entry], n_folders: int) -> bool:
+    """Whether several folders hold trials of the same settings."""
     keys = [json.dumps(entry["settings"], sort_keys=True) for entry in entries]
     return n_folders > 1 and len(set(keys)) < len(keys)

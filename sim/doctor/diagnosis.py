@@ -1,4 +1,4 @@
-"""What is installed, what renders, and what to do about each line that is red."""
+"""The diagnosis: what is installed, what renders, and what to do about each line that is red."""
 
 import os
 import platform
@@ -27,7 +27,7 @@ class Finding:
     subject: str
     """What was looked at."""
     status: Status
-    """`ok`; `note`, worth knowing but in nobody's way; `red`, to be mended before a run."""
+    """`ok`, `note` for what is worth knowing but hinders nobody, or `red` for what must be mended before a run."""
     found: str
     """What was found."""
     remedy: str = ""
@@ -48,15 +48,15 @@ class Diagnosis:
 
     @property
     def exit_code(self) -> int:
-        """0 if healthy, else 1."""
+        """The exit code: 0 if no line is red, 1 otherwise."""
         return 0 if self.is_healthy else 1
 
 
 def run_doctor(stream: TextIO | None = None) -> Diagnosis:
-    """Looks at everything and prints the table.
+    """Look at everything, print the table, and return what was found.
 
     Args:
-        stream: Where to print; None takes standard output. Colours are used on a terminal alone.
+        stream: Where to print; None for standard output. Only a terminal gets colours.
     """
     probes = [probe_gl(name) for name in GL_NAMES]
     diagnosis = Diagnosis(
@@ -97,9 +97,8 @@ def find_packages(requirements: list[str] | None) -> list[Finding]:
     """Whether each required package is installed in a version that fits.
 
     Args:
-        requirements: Requirements as in pyproject.toml; None if the project itself is not installed. Those of
-        extras
-            are passed over.
+        requirements: Requirements as in pyproject.toml, of which those of extras are passed over; None if the project
+            itself is not installed.
     """
     if requirements is None:
         remedy = "in the project's folder: .venv/bin/pip install -e ."
@@ -109,7 +108,7 @@ def find_packages(requirements: list[str] | None) -> list[Finding]:
 
 
 def find_renderers(probes: Sequence[GlProbe], chosen: str | None) -> list[Finding]:
-    """What renders, how fast, and whether MUJOCO_GL asks for something that does not.
+    """What renders, how fast, and whether MUJOCO_GL names something that does not.
 
     One renderer without a display is enough: where one works, those that do not are notes.
 
@@ -127,7 +126,7 @@ def find_renderers(probes: Sequence[GlProbe], chosen: str | None) -> list[Findin
 
 
 def find_blas_threads() -> Finding:
-    """How many threads the linear algebra of numpy and scipy starts with; runs limit it to one."""
+    """The number of threads with which the linear algebra of NumPy and SciPy starts; runs limit it to one."""
     try:
         import numpy as np
         import scipy.linalg
@@ -135,14 +134,15 @@ def find_blas_threads() -> Finding:
     except ImportError as error:
         remedy = "in the project's folder: .venv/bin/pip install -e ."
         return Finding(subject="BLAS threads", status="red", found=f"{error.name} is missing", remedy=remedy)
-    scipy.linalg.qr(np.eye(2))  # scipy loads its own library on first use
+    # SciPy loads its own library on first use.
+    scipy.linalg.qr(np.eye(2))
     pools = [pool for pool in threadpool_info() if pool["user_api"] == "blas"]
     text = ", ".join(f"{pool['internal_api']} {pool['version']}: {pool['num_threads']}" for pool in pools)
     return Finding(subject="BLAS threads", status="ok", found=f"{text or 'none found'}; episodes use 1")
 
 
 def print_diagnosis(diagnosis: Diagnosis, stream: TextIO) -> None:
-    """Prints the table: subject, status, what was found, and below each that is not well, what to do.
+    """Print the table: subject, status, what was found, and below each line that is not well what to do.
 
     Args:
         diagnosis: What was found.

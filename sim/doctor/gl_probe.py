@@ -14,7 +14,7 @@ from dataclasses import dataclass
 GL_NAMES = ("egl", "osmesa", "glfw")
 """MuJoCo's renderers, the preferred first; glfw needs a display."""
 HEADLESS_GL_NAMES = ("egl", "osmesa")
-GL_REMEDY = "as root: apt-get install libegl1 libgl1 (or libosmesa6 alone)"
+GL_REMEDY = "as root: apt-get install libegl1 libgl1 (or only libosmesa6)"
 """What to install on Debian and Ubuntu where nothing renders."""
 
 _PROBE_TIMEOUT_S = 60.0
@@ -43,12 +43,12 @@ print(json.dumps({"frame_s": sorted(times[1:])[2], "contrast": int(frame.max()) 
 
 @dataclass(frozen=True, kw_only=True)
 class GlProbe:
-    """What came of trying one OpenGL."""
+    """What a try of one OpenGL showed."""
 
     name: str
     """The value of MUJOCO_GL."""
     is_working: bool
-    """Whether a picture with something on it came out."""
+    """Whether it drew a picture with something on it."""
     frame_s: float | None
     """Time of a 640 x 480 frame [s]; None if it does not work."""
     message: str
@@ -56,16 +56,15 @@ class GlProbe:
 
 
 def probe_gl(name: str) -> GlProbe:
-    """Renders a tiny scene in a subprocess with MUJOCO_GL set.
+    """What one OpenGL does with a tiny scene, which a subprocess renders.
 
     Args:
         name: One of GL_NAMES.
     """
     command = [sys.executable, "-c", _PROBE]
     environment = {**os.environ, "MUJOCO_GL": name}
-    environment.pop(
-        "PYOPENGL_PLATFORM", None
-    )  # left there by a renderer loaded earlier, it would rule the others out
+    # A renderer that was loaded earlier may have left it there; it would rule the others out.
+    environment.pop("PYOPENGL_PLATFORM", None)
     try:
         done = subprocess.run(
             command, env=environment, capture_output=True, text=True, timeout=_PROBE_TIMEOUT_S
@@ -84,7 +83,7 @@ def probe_gl(name: str) -> GlProbe:
 
 
 def main() -> int:
-    """Prints the first OpenGL that renders without a display; 0 if there is one, else 1."""
+    """Print the first OpenGL that renders without a display, and return 0 if there is one, 1 otherwise."""
     for name in HEADLESS_GL_NAMES:
         probe = probe_gl(name)
         if probe.is_working:
@@ -95,7 +94,8 @@ def main() -> int:
 
 
 def _failure(name: str, message: str) -> GlProbe:
-    if "NoneType" in message:  # what PyOpenGL says when it found no library to load
+    # PyOpenGL says so when it found no library to load.
+    if "NoneType" in message:
         message = "its library is missing"
     return GlProbe(
         name=name, is_working=False, frame_s=None, message=textwrap.shorten(message, _MESSAGE_WIDTH)

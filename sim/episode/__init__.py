@@ -1,1 +1,1 @@
-"""Algorithm 1 of the paper: scenario, what all its seeds share, the truth of a seed, the probe's motion, the loop."""
+"""Algorithm 1 of the paper: the scenario, the setup its seeds share, the truth of a seed, the motion, the loop."""

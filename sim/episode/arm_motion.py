@@ -28,31 +28,34 @@ RECORD_DT_S = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What the arm is to do: configurations of the chain in time, and what they are for."""
+    """What the arm is to do: T configurations of its chain in time, and what they are for."""
 
     time_s: NDArray[np.float64]
+    """Time since the motion began [s], shape (T,)."""
     q: NDArray[np.float64]
+    """Positions of the chain's joints [rad or m], shape (T, n_joints)."""
     speed: NDArray[np.float64]
+    """Their speeds [rad/s or m/s], shape (T, n_joints)."""
     phases: NDArray[np.int8]
+    """The `Phase` of each configuration, shape (T,)."""
 
     @classmethod
     def of(cls, parts: list[tuple[Phase, Trajectory]]) -> Plan:
-        """One after the other; each begins where the one before ended."""
+        """The plan of some parts one after the other, each of which begins where the one before ended."""
         start_s, times_s, phases = 0.0, [], []
         for phase, part in parts:
             times_s.append(start_s + part.time_s)
             phases.append(np.full(len(part.time_s), int(phase), dtype=np.int8))
             start_s += float(part.time_s[-1])
         time_s = np.concatenate(times_s)
-        is_new = np.r_[
-            True, np.diff(time_s) > 0.0
-        ]  # a part begins with the state that the one before ended with
+        # A part begins with the state that the one before ended with, which is kept once.
+        is_new = np.r_[True, np.diff(time_s) > 0.0]
         q, speed = (np.vstack([getattr(part, name) for _, part in parts])[is_new] for name in ("q", "speed"))
         return cls(time_s[is_new], q, speed, np.concatenate(phases)[is_new])
 
 
 class PathMotion(MotionModel):
-    """Follows the timed path exactly."""
+    """A motion model in which the arm follows its timed path exactly."""
 
     def __init__(
         self,
@@ -80,7 +83,7 @@ class PathMotion(MotionModel):
         return motion
 
     def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
-        """Carry the plan out on a state."""
+        """The motion along a plan, to the end of which the state is brought."""
         states = self._chain.full(plan.q)
         data.qpos[:] = states[-1]
         mujoco.mj_fwdPosition(data.model, data)
@@ -134,7 +137,7 @@ class PathMotion(MotionModel):
 
 
 class ServoMotion(PathMotion):
-    """Sends the timed path to servos, and lets dynamics and the organ's compliance decide where the probe gets to."""
+    """A motion model that sends the timed path to servos; dynamics and the organ decide what they reach."""
 
     def __init__(
         self,
@@ -154,17 +157,10 @@ class ServoMotion(PathMotion):
 
     def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
         """See `PathMotion._follow`; the arm holds still for a while at the end."""
-        dt_s, every = self._arm.dt_s, max(1, round(RECORD_DT_S / self._arm.dt_s))
-        n_moving = int(np.ceil(plan.time_s[-1] / dt_s))
-        n = n_moving + round(self._servo.settle_s / dt_s)
-        time_s = np.asarray(dt_s * np.arange(1, n + 1), dtype=np.float64)
-        q, speed = (
-            np.column_stack([np.interp(time_s, plan.time_s, column) for column in part.T])
-            for part in (plan.q, plan.speed)
-        )
-        speed[n_moving:] = 0.0
+        every = max(1, round(RECORD_DT_S / self._arm.dt_s))
+        time_s, q, speed, n_moving = self._commands(plan)
         run = self._arm.run(q, speed, record_every=every)
-        rows = np.append(np.arange(every - 1, n, every), n - 1)
+        rows = np.append(np.arange(every - 1, len(time_s), every), len(time_s) - 1)
         rows = np.unique(rows)[: len(run.states)]
         phase_rows = np.minimum(np.searchsorted(plan.time_s, time_s[rows]), len(plan.time_s) - 1)
         phases = np.where(rows >= n_moving, int(Phase.HOLD), plan.phases[phase_rows]).astype(np.int8)
@@ -186,10 +182,25 @@ class ServoMotion(PathMotion):
             raise ProcedureStoppedError(self._why_stopped(run), motion)
         return motion
 
+    def _commands(
+        self, plan: Plan
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
+        """The times, positions and speeds that servos are sent, and how many of these come before the arm rests."""
+        dt_s = self._arm.dt_s
+        n_moving = int(np.ceil(plan.time_s[-1] / dt_s))
+        n = n_moving + round(self._servo.settle_s / dt_s)
+        time_s = np.asarray(dt_s * np.arange(1, n + 1), dtype=np.float64)
+        q, speed = (
+            np.column_stack([np.interp(time_s, plan.time_s, column) for column in part.T])
+            for part in (plan.q, plan.speed)
+        )
+        speed[n_moving:] = 0.0
+        return time_s, q, speed, n_moving
+
     def _tracking_errors(
         self, state: NDArray[np.float64], sent_q: NDArray[np.float64]
     ) -> tuple[float, float]:
-        """Distance of the tip [m] and angle of the beam [rad] from where they were sent."""
+        """The distance of the tip [m] and the angle of the beam [rad] from where they were sent."""
         there = self._chain.forward(np.stack([state[self._chain.columns], sent_q]))
         cosine = float(np.clip(there.beams[0] @ there.beams[1], -1.0, 1.0))
         sine = float(np.linalg.norm(np.cross(there.beams[0], there.beams[1])))
@@ -210,13 +221,13 @@ def make_motion_model(
     settings: MotionSettings | None = None,
     servo: ServoSettings | None = None,
 ) -> MotionModel:
-    """A fresh motion_model for one episode on a setup.
+    """A fresh motion model for one episode on a setup.
 
     Args:
         setup: Gives arm, workspace and organ. A free probe always jumps.
-        kind: none jumps from station to station, kinematic follows the path exactly, servo simulates the arm.
+        kind: `none` jumps from station to station, `kinematic` follows the path exactly, `servo` simulates the arm.
         settings: Speeds.
-        servo: Stiffnesses and the force limit, for kind servo.
+        servo: Stiffnesses and the force limit, which only `servo` needs.
     """
     settings, positioner, model = settings or MotionSettings(), setup.positioner, setup.scene.model
     if setup.arm is None or not isinstance(positioner, ArmPositioner):

@@ -20,15 +20,15 @@ def attainable(
 ) -> NDArray[np.bool_]:
     """Which points some reachable pose sees, shape (M,).
 
-    Looks at a scattered part of the poses at a time, in which most points are settled at once; and there asks for the
-    pose that sees most of the points still open, so that a few dozen IK answers settle what thousands would.
+    A scattered part of the poses is looked at first, in which most points are settled, then the next. In each part the
+    pose is tried that sees most of the open points, so that a few dozen IK answers settle what thousands would.
 
     Args:
         workspace: The poses.
         cone: What one of them sees.
         points_m: The points [m, world], shape (M, 3).
         positioner: Decides whether a pose is reached.
-        max_failures: Unreachable poses asked for at most; beyond it the open points count as unattainable.
+        max_failures: Most poses that may prove unreachable; after that many, open points count as unattainable.
     """
     is_attained, n_failures = np.zeros(len(points_m), dtype=bool), 0
     for poses in scattered_poses(workspace.n_poses):
@@ -46,7 +46,7 @@ def attainable(
 def _settle(
     sees: NDArray[np.bool_], poses: NDArray[np.intp], positioner: Positioner, max_failures: int
 ) -> tuple[NDArray[np.bool_], int]:
-    """Which points some reachable one of a few poses sees, and how many of those asked for are not reached."""
+    """Which points some reachable one of a few poses sees, and how many of the poses tried are not reached."""
     is_attained, n_failures = np.zeros(len(sees), dtype=bool), 0
     n_open_seen = sees.sum(axis=0)
     while n_open_seen.max(initial=0) > 0 and n_failures < max_failures:

@@ -1,7 +1,7 @@
 """Which way up an organ lies best: with the largest part of its surface facing up and within the arm's reach.
 
-Every candidate is a turn of the organ on the table. Many are ranked by the area of their upper surface alone; the
-arm is asked about the best of those.
+Every candidate is a turn of the organ on the table. All are ranked by the area of their upper surface; the arm tries
+only the best of them.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from sim.world.solids.solid import Solid
 
 TILT_STEPS_DEG = (-90.0, -60.0, -30.0, 0.0, 30.0, 60.0, 90.0, 180.0)
 """Turns about the world's x and y that are tried; with the arm also half a turn about z."""
-N_ASKED = 4
-"""Candidates of the largest upper surface that the arm is asked about, each in two yaws."""
+N_TRIED = 4
+"""Candidates of the largest upper surface that the arm tries, each in two yaws."""
 N_POSES = 80
 """Poses by which the reached share is judged: to 5 % of it."""
 RESTARTS = 4
-"""Further starts of the arm's search: a pose that takes more is no comfortable one."""
+"""Starts of the arm's search after the first: a pose that takes more is not a comfortable one."""
 GRID_MARGIN_M = 0.02
+"""How far beyond the organ its distances are known."""
 Turn = tuple[float, float, float]
 
 
@@ -40,7 +41,7 @@ def best_turn_rad(organ: Solid, arm: ArmModel | None) -> Turn:
 
     Args:
         organ: The organ in patient axes [m].
-        arm: What shall reach it; None for a free-flying probe, which reaches all that faces up.
+        arm: The arm that is to reach it; None for a free-flying probe, which reaches all that faces up.
 
     Returns:
         Angles about the world's x, y and z [rad].
@@ -48,12 +49,13 @@ def best_turn_rad(organ: Solid, arm: ArmModel | None) -> Turn:
     steps_rad = np.deg2rad(TILT_STEPS_DEG)
     turns = [(float(x), float(y), 0.0) for x, y in itertools.product(steps_rad, steps_rad)]
     areas_m2 = np.array([_upper_area_m2(organ, turn) for turn in turns])
-    areas_m2[turns.index((0.0, 0.0, 0.0))] *= 1.0 + 1e-9  # anterior up among equals
+    # Among equals, anterior up comes first.
+    areas_m2[turns.index((0.0, 0.0, 0.0))] *= 1.0 + 1e-9
     ranked = [turns[index] for index in np.argsort(-areas_m2, kind="stable")]
     if arm is None:
         return ranked[0]
-    asked = _distinct(ranked)[:N_ASKED]
-    candidates = [(x, y, yaw) for x, y, _ in asked for yaw in (0.0, np.pi)]
+    tried = _distinct(ranked)[:N_TRIED]
+    candidates = [(x, y, yaw) for x, y, _ in tried for yaw in (0.0, np.pi)]
     reached_m2 = [_reached_area_m2(organ, turn, arm) for turn in candidates]
     return candidates[int(np.argmax(reached_m2))]
 
@@ -71,13 +73,12 @@ def _distinct(turns: list[Turn]) -> list[Turn]:
 
 
 def _upper_area_m2(organ: Solid, turn: Turn) -> float:
-    return upper_surface_area_m2(
-        lay_on_table(organ, R_world_organ=turned(turn)).organ, np.random.default_rng(0)
-    )
+    placed = lay_on_table(organ, R_world_organ=turned(turn)).organ
+    return upper_surface_area_m2(placed, np.random.default_rng(0))
 
 
 def _reached_area_m2(organ: Solid, turn: Turn, arm: ArmModel) -> float:
-    """Area of the upper surface [m^2] times the share of its poses that the arm reaches."""
+    """The area of the upper surface [m^2] times the share of its poses that the arm reaches."""
     placed = lay_on_table(organ, R_world_organ=turned(turn)).organ
     try:
         surface = upper_surface_workspace(placed, N_POSES, rng=np.random.default_rng(0))

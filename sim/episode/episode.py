@@ -37,8 +37,20 @@ from .target_belief import TargetBelief
 from .truth import Truth, make_truth
 
 
+def _check_parts(
+    planner: Planner, seed: int, tumour_map: TumourMapFactory | None, *, casts_rays: bool
+) -> None:
+    """Check that the parts of an episode go together."""
+    if seed < 0:
+        raise ValueError(f"seed={seed}: must be 0 or more.")
+    if planner.needs_belief and tumour_map is None:
+        raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
+    if tumour_map is not None and not casts_rays:
+        raise ValueError("A map needs readings: casts_rays must be True.")
+
+
 class Episode:
-    """One episode: state that `steps` carries from action to action."""
+    """One episode: the state that `steps` carries from action to action."""
 
     def __init__(
         self,
@@ -60,33 +72,29 @@ class Episode:
         Args:
             setup: Organ, workspace and arm.
             planner: Ranks the poses.
-            seed: Of everything random; parts have streams of their own, so planners given one seed face one truth.
+            seed: Seed of everything random. Parts have streams of their own, so planners with one seed face one truth.
             map_settings: What the map assumes.
-            insets: Settings of the finer maps laid in where tumour was sensed; None for none.
-            tumour_map: Makes the map that is kept, from what it is made for: `make_hilbert_map`, or a class of one's
-                own. None keeps no map, which only planners that need no belief can go without. A second class gets a
-                map of its own.
+            insets: Settings of finer maps, which are laid in where tumour was sensed; None for no finer maps.
+            tumour_map: Makes the map from its space: `make_hilbert_map`, or a class of one's own. None keeps no map,
+                which suits only planners that need no belief. A second class gets a map of its own.
             sensor: Makes the readings; None for the paper's exact cone.
-            motion_model: Moves the probe between poses, for this episode alone; one that jumps by default.
+            motion_model: Moves the probe between the poses of this one episode; by default it jumps.
             sensing_s: Modelled time of a sensing action.
-            casts_rays: Whether readings hold points. Without a map nothing but the share sensed is asked of a
-                reading, and for that where the tip is suffices.
+            casts_rays: Whether readings hold points. An episode without a map needs only the share sensed, for which
+                the place of the tip is enough.
             plans_for_target: Whether the planner is shown the belief about a second class in place of the tumours'.
 
         Raises:
-            ValueError: A planner that needs a belief without a map, a negative seed, or no second class to plan for.
+            ValueError: The planner or the map lacks what it needs, the seed is negative, or there is no second class
+                to plan for.
             WorldError: No place for the tumours was found.
         """
-        if seed < 0:
-            raise ValueError(f"seed={seed}: must be 0 or more.")
-        if planner.needs_belief and tumour_map is None:
-            raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
-        if tumour_map is not None and not casts_rays:
-            raise ValueError("A map needs readings: casts_rays must be True.")
+        _check_parts(planner, seed, tumour_map, casts_rays=casts_rays)
         truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
         self.setup, self.planner = setup, planner
         self.truth: Truth = make_truth(setup, truth_rng)
-        scene = self.truth.scene if casts_rays else setup.scene  # tumours are there for the rays alone
+        # Tumours are in the scene only for the rays to meet.
+        scene = self.truth.scene if casts_rays else setup.scene
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
         self.tumour_map = self._new_map(tumour_map, insets)
@@ -96,7 +104,7 @@ class Episode:
             self.target = TargetBelief(self.truth.target, setup.cone, self._new_map(tumour_map, insets))
         if plans_for_target and self.target is None:
             raise ValueError(
-                "plans_for_target=True: the setup has no second class. Give it targets, or leave it out."
+                "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
             )
         self._plans_for_target = plans_for_target
         self._casts_rays = casts_rays
@@ -122,7 +130,7 @@ class Episode:
             n_steps: Actions at most.
             until_sensed: Share of the detection points, of the class planned for, at which to stop; None for never.
             until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
-            on_skipped: Called with how many poses in a row are out of reach, whenever one more is.
+            on_skipped: Called whenever a pose is out of reach, with how many in a row are.
         """
         self._predict()
         for number in range(1, n_steps + 1):
@@ -130,12 +138,8 @@ class Episode:
             if step is None:
                 return
             yield step
-            sensed = (
-                step.target.sensed_fraction
-                if self._plans_for_target and step.target
-                else step.sensed_fraction
-            )
-            if until_sensed is not None and (sensed or 0.0) >= until_sensed:
+            score = step.target if self._plans_for_target and step.target else step
+            if until_sensed is not None and (score.sensed_fraction or 0.0) >= until_sensed:
                 return
             if until_confident is not None and self.confidence() >= until_confident:
                 return
@@ -145,7 +149,7 @@ class Episode:
         return self.planner.confidence(self._situation())
 
     def metrics(self) -> MapMetrics | None:
-        """Scores of the present map against the truth."""
+        """The scores of the present map against the truth."""
         return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_tumour)
 
     def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
@@ -183,9 +187,9 @@ class Episode:
     def _choose(
         self, on_skipped: Callable[[int], None]
     ) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
-        """Go to the first pose of the ranking that can be had; those skipped before it, seconds of IK and of motion.
+        """The first pose of the ranking that the probe could be brought to, those skipped, seconds of IK and of motion.
 
-        A pose without a way to it now has none later: the arm could go back to where it is today.
+        A pose to which there is no way now has none later either: the arm can always go back to where it is now.
         """
         skipped: list[SkippedPose] = []
         ik_s = move_s = 0.0
@@ -231,6 +235,7 @@ class Episode:
         )
 
     def _read(self) -> Reading:
+        """A reading at the present state; without points where no rays are cast."""
         if self._casts_rays:
             return self._sensor.sense(self._scene_state, self._sensor_rng)
         return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)

@@ -60,17 +60,17 @@ class Motion:
 
     @property
     def motion_s(self) -> float:
-        """How long it took."""
+        """The time that it took [s]."""
         return float(self.time_s[-1]) if len(self.time_s) else 0.0
 
     @property
     def tip_path_m(self) -> float:
-        """Length of the tip's way."""
+        """The length of the tip's way [m]."""
         return float(np.linalg.norm(np.diff(self.tips_m, axis=0), axis=1).sum())
 
 
 def blocked(reason: str) -> Motion:
-    """No motion, and why."""
+    """A motion that leads nowhere, and the reason for that."""
     nothing = np.empty((0, 0))
     return Motion(
         time_s=np.empty(0), states=nothing, tips_m=np.empty((0, 3)), phases=np.empty(0, dtype=np.int8),
@@ -88,18 +88,18 @@ class ProcedureStoppedError(WorldError):
 
 
 class MotionModel(ABC):
-    """Moves the probe of one episode from pose to pose; remembers where it is."""
+    """What moves the probe of one episode from pose to pose, and remembers where it is."""
 
     travel: Travel | None = None
-    """Estimates how long ways take; None if it cannot say."""
+    """Estimates how long ways take; None where there is no estimate."""
 
     @abstractmethod
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
         """Bring a state to a pose that the positioner reaches.
 
         Args:
-            data: A state of the episode's scene; its kinematics are up to date after, and it is as it was where the
-                motion is blocked.
+            data: A state of the episode's scene. Its kinematics are up to date afterwards; it stays as it was where
+                the motion is blocked.
             pose: Index in the workspace.
 
         Raises:
@@ -108,7 +108,7 @@ class MotionModel(ABC):
 
 
 class JumpMotion(MotionModel):
-    """Jumps from station to station: lift, stand-off, contact. Nothing between them is looked at.
+    """A motion model that jumps from station to station: lift, stand-off, contact. Nothing between them is checked.
 
     The time is an estimate: all joints go straight and start and stop together, and the tip keeps its speed limits.
     """
@@ -132,9 +132,8 @@ class JumpMotion(MotionModel):
         if self._last is not None:
             stations = [(self._last, False, Phase.LIFT), (self._last, True, Phase.LIFT), *stations]
         tips_m, states = [], []
-        if (
-            self._last is None and data.model.nq
-        ):  # an arm comes from where it stands, a free probe from nowhere
+        # An arm comes from where it stands, a free probe from nowhere.
+        if self._last is None and data.model.nq:
             tips_m, states = [data.site(self._tip_site).xpos.copy()], [state_of(data)]
         for at, is_lifted, _ in stations:
             self._positioner.place(data, at, is_lifted=is_lifted)
@@ -172,7 +171,7 @@ def state_of(data: mujoco.MjData) -> NDArray[np.float64]:
 
 
 def joint_travel_rad(model: mujoco.MjModel, q: NDArray[np.float64]) -> float | None:
-    """Sum of the ways of all turning joints over states, shape (T, nq); None without joints."""
+    """The sum of the ways of all turning joints over states, shape (T, nq); None without joints."""
     if model.nq == 0:
         return None
     is_hinge = model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)

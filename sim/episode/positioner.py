@@ -1,4 +1,4 @@
-"""What carries the probe: an arm that must reach each pose, or nothing at all (the paper's assumption)."""
+"""Positioners bring the probe to a pose: an arm that must reach it, or no arm at all (the paper's assumption)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sim.world.solids.distance_grid import DistanceGrid
 
 
 class Positioner(ABC):
-    """Brings the probe to the poses of one workspace."""
+    """What brings the probe to the poses of one workspace."""
 
     joint_names: tuple[str, ...] = ()
     """Names of the joints, with their unit, in the order of `IkResult.q`; empty for a free-flying probe."""
@@ -31,20 +31,20 @@ class Positioner(ABC):
         """Whether and how pose `pose` of the workspace is reached; the same answer every time."""
 
     def is_prepared(self, pose: int) -> bool:
-        """Whether `reach` will answer at once; so it does unless a positioner says otherwise."""
+        """Whether `reach` answers at once, as it does unless a positioner says otherwise."""
         del pose
         return True
 
-    def prepare(self, poses: Sequence[int]) -> None:  # noqa: B027, most carriers have nothing to prepare
-        """Answer poses together, which takes less time than asking one after the other; the answers are the same."""
+    def prepare(self, poses: Sequence[int]) -> None:  # noqa: B027, most positioners have nothing to prepare
+        """Find the answers for poses together, which is faster than one after the other; they are the same."""
 
     @abstractmethod
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
-        """Bring a state to a reached pose, or to the stand-off above it; kinematics are up to date after."""
+        """Bring a state to a reached pose, or to the stand-off above it; kinematics are up to date afterwards."""
 
 
 class ArmPositioner(Positioner):
-    """The scene's arm, by inverse kinematics. Answers are kept: a pose is solved once per workspace."""
+    """The scene's arm, which reaches poses by inverse kinematics. Answers are kept, so a pose is solved only once."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class ArmPositioner(Positioner):
         organ_distance: DistanceGrid,
         settings: IkSettings | None = None,
     ) -> None:
-        """Prepare the kinematics of `scene`'s arm; `organ_distance` is the organ's signed distance grid."""
+        """Prepare the kinematics of the scene's arm; `organ_distance` is the organ's signed distance grid."""
         self.workspace = workspace
         self._kinematics = Kinematics(scene, Clearance(scene, organ_distance), settings)
         self._answers: dict[int, IkResult] = {}
@@ -87,7 +87,7 @@ class ArmPositioner(Positioner):
 
 
 class FreePositioner(Positioner):
-    """A probe that flies wherever it is asked to be."""
+    """A probe that flies to wherever it is sent."""
 
     def __init__(self, scene: Scene, workspace: Workspace, settings: IkSettings | None = None) -> None:
         """Remember the scene's mocap probe and the workspace."""

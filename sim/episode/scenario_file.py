@@ -37,17 +37,20 @@ READING_KEYS = {"organ_unit": "unit", "organ_frame": "frame", "voxel_spacing_m":
 def load_scenario(name_or_path: str) -> Scenario:
     """The scenario of that name, or the one that a TOML file describes.
 
-    A file holds fields of `Scenario`, and may start from a named one with `base = "sphere"`. Relative mesh paths are
+    A file holds fields of `Scenario`, and may start from a named one with `base = "sphere"`. Relative paths are
     relative to the file.
 
     Raises:
-        UsageError: An unknown name, an unreadable file, an unknown key or a value out of range.
+        UsageError: The name or a key is unknown, the file cannot be read, or a value is out of range.
     """
     if name_or_path in SCENARIOS:
         return SCENARIOS[name_or_path]
     path = Path(name_or_path)
     if path.suffix != ".toml":
-        raise UsageError(f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file.")
+        raise UsageError(
+            f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file. A scenario that a script "
+            "made in memory has no file: give it as an object again."
+        )
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -81,8 +84,9 @@ def _from_table(path: Path, table: dict[str, Any]) -> Scenario:
 
 
 def _check_of_named_organ(organ: str, files: CaseFiles) -> None:
-    """Nothing, if keys about files may stand beside an organ that Sounding brings along, which has none."""
-    Scenario(files=files)  # which checks what is said of them
+    """Check that keys about files may stand beside an organ that Sounding brings along, which has no files."""
+    # A scenario checks what is said of its files.
+    Scenario(files=files)
     if files.has_targets:
         raise UsageError(
             f"target_files, target_labels: go with an organ's own file, not with organ={organ!r}."
@@ -90,7 +94,7 @@ def _check_of_named_organ(organ: str, files: CaseFiles) -> None:
 
 
 def _without_organ(values: dict[str, Any]) -> dict[str, Any]:
-    """The values, with the organ of a base scenario taken out where there are files."""
+    """The values, without the organ of a base scenario where there are files."""
     return values | ({"organ": LIVER} if "files" in values else {})
 
 
@@ -109,7 +113,7 @@ def _files_of(folder: Path, organ: str, values: dict[str, Any]) -> CaseFiles:
 
 
 def scenario_record(scenario: Scenario) -> dict[str, Any]:
-    """A scenario as plain data. A surface in memory is told by its size and a checksum, from which none can be read."""
+    """A scenario as plain data. A surface in memory is told by its size and a checksum, and cannot be read back."""
     files = scenario.case_files
     of_files = None
     if files is not None:
@@ -131,7 +135,7 @@ def _plain(value: Any) -> Any:
 
 
 def _described(body: Body) -> str:
-    """A surface in memory in words."""
+    """The size and the checksum of a surface in memory, as a text."""
     assert not isinstance(body, str)
     vertices = getattr(body, "vertices_m", None)
     content = (body.vertices if vertices is None else vertices).tobytes() + body.faces.tobytes()  # type: ignore[union-attr]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ from .scenario import GENERATED_LIVER, PAPER_ORGAN, Scenario
 GRID_MARGIN_M = 0.002
 """The distance grid reaches this much beyond the last hinge that is kept; farther out it gives a lower bound."""
 GENERATOR_STREAM = 1
-"""Keeps the draws of a generated liver apart from those of the seed's tumours."""
+"""Number that keeps the draws of a generated liver apart from those of the seed's tumours."""
 HINGE_REACH = 2.0
 """Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
 PAPER_QUERY = (22, 22, 13)
@@ -41,11 +42,11 @@ PAPER_QUERY = (22, 22, 13)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Setup:
-    """An organ in place, its workspace, its lattices, and what carries the probe."""
+    """An organ in place, its workspace, its lattices, and what brings the probe to its poses."""
 
     scenario: Scenario
     organ: Solid
-    """World frame [m]."""
+    """The organ's surface, world frame [m]."""
     given_tumours: tuple[Solid, ...]
     """Tumours that the scenario's files hold, world frame [m]; empty where they are planted."""
     tumour_names: tuple[str, ...]
@@ -79,36 +80,43 @@ class Setup:
     notices: tuple[str, ...] = ()
     """What was repaired or is unusual about the files."""
 
+    def on_lattice(self, values: NDArray[Any], *, outside: float | bool) -> NDArray[Any]:
+        """Values of the search points on the whole query lattice, shape (X, Y, Z).
+
+        Args:
+            values: One value per search point, shape (M,).
+            outside: The value of the points outside the organ.
+        """
+        filled = np.full(self.query.n_points, outside, dtype=values.dtype)
+        filled[self.is_inside] = values
+        return filled.reshape(self.query.shape)
+
 
 def build_setup(
     scenario: Scenario, arm: ArmModel | None = None, map_settings: MapSettings | None = None
 ) -> Setup:
-    """Load and place the organ and everything that depends on it alone.
+    """The setup of a scenario: the organ is loaded and placed, and what follows from it is built.
 
     Args:
-        scenario: The case.
-        arm: What carries the probe; None for a free-flying one.
-        map_settings: Gives the spacing of the hinges; the defaults if None.
+        scenario: What the setup is of.
+        arm: The arm that carries the probe; None for a free-flying probe.
+        map_settings: Gives the spacing of the hinges; None for the defaults.
 
     Raises:
-        WorldError: A mesh or an arm that cannot be used.
+        WorldError: A mesh or the arm cannot be used.
     """
     map_settings = map_settings or MapSettings()
     placed, notices = placed_organ(scenario, arm)
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    empty = build_anatomy(
-        organ, name=scenario.name, rng=np.random.default_rng(0), structures=placed.structures
-    )
-    scene = build_scene(empty, cone, arm=arm)
+    scene = _empty_scene(scenario, placed, cone, arm)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
     organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
+    positioner: Positioner = FreePositioner(scene, workspace)
     if arm is not None:
         check_base_room(scene, organ_distance)
-    positioner = (
-        FreePositioner(scene, workspace) if arm is None else ArmPositioner(scene, workspace, organ_distance)
-    )
+        positioner = ArmPositioner(scene, workspace, organ_distance)
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())
     search_points_m = query.points_m()[is_inside]
@@ -137,24 +145,31 @@ def build_setup(
     )
 
 
+def _empty_scene(scenario: Scenario, placed: PlacedOrgan, cone: Cone, arm: ArmModel | None) -> Scene:
+    """The scene of a scenario without tumours."""
+    rng = np.random.default_rng(0)
+    empty = build_anatomy(placed.organ, name=scenario.name, rng=rng, structures=placed.structures)
+    return build_scene(empty, cone, arm=arm)
+
+
 def _hinge_mask(
     scenario: Scenario, organ_distance: DistanceGrid, hinges: Lattice, reach_m: float
 ) -> NDArray[np.bool_]:
-    """Hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
+    """Which hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
     if scenario.has_organ(PAPER_ORGAN):
         return np.ones(hinges.n_points, dtype=bool)
     return organ_distance.distance_m(hinges.points_m()) <= reach_m
 
 
 def placed_organ(scenario: Scenario, arm: ArmModel | None = None) -> tuple[PlacedOrgan, tuple[str, ...]]:
-    """Organ, given tumours and structures in the world, and the notices of their files.
+    """The organ in the world, with given tumours and structures, and the notices of their files.
 
     Args:
-        scenario: The case.
-        arm: What shall reach the organ, where it is to be placed for that.
+        scenario: What organ, and how it lies.
+        arm: The arm within whose reach the organ is laid, where the scenario's placing is `best`.
 
     Raises:
-        WorldError: A file that cannot be used.
+        WorldError: A file cannot be used.
     """
     loaded = load_scenario_anatomy(scenario)
     placed = _put_in_world(scenario, loaded, arm)
@@ -166,7 +181,7 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
     """The anatomy of a scenario in its own coordinates.
 
     Raises:
-        WorldError: A file that cannot be used.
+        WorldError: A file cannot be used.
     """
     if scenario.has_organ(PAPER_ORGAN):
         return LoadedAnatomy(organ=paper_organ().solid)
@@ -181,7 +196,8 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
     if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
         T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
         return put_at_pose(organ, tumours, T_world_organ=T_world_organ)
-    if scenario.has_organ(PAPER_ORGAN):  # its axes are the world's already: z is up
+    if scenario.has_organ(PAPER_ORGAN):
+        # Its axes are those of the world already: z is up.
         return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
     turn_rad = scenario.organ_turn_rad
     if scenario.organ_placing == "best":
@@ -190,7 +206,7 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
 
 
 def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
-    """The sensing poses of a scenario: the paper's own, or even positions on the organ's upper surface."""
+    """The sensing poses of a scenario: the paper's own, or positions spread evenly on the organ's upper surface."""
     if scenario.has_organ(PAPER_ORGAN):
         surface: SensingSurface = paper_organ().surface.transformed(placed.T_world_organ)
     else:
@@ -207,7 +223,7 @@ def make_workspace(scenario: Scenario, placed: PlacedOrgan) -> Workspace:
 
 
 def _lattices(scenario: Scenario, placed: PlacedOrgan, hinge_spacing_m: float) -> tuple[Lattice, Lattice]:
-    """Hinges at a fixed spacing, reaching beyond the organ, and the query lattice over the organ."""
+    """The hinges, which have a fixed spacing and reach beyond the organ, and the query lattice over the organ."""
     low_m, high_m = placed.organ.bounds_m
     if scenario.has_organ(PAPER_ORGAN) and np.allclose(placed.T_world_organ[:3, :3], np.eye(3)):
         paper, shift_m = paper_organ(), placed.T_world_organ[:3, 3]

@@ -21,7 +21,7 @@ class SkippedPose:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Step:
-    """One sensing action and what came of it."""
+    """One sensing action and its results."""
 
     step: int
     """Number of the action, from 1."""

@@ -31,15 +31,15 @@ class TargetScore:
 
 
 class TargetBelief:
-    """What an episode comes to know of the second class. The map of the tumours is neither asked nor changed."""
+    """What an episode learns about the second class. The map of the tumours is neither read nor changed."""
 
     def __init__(self, truth: TargetTruth, cone: Cone, tumour_map: TumourMap | None) -> None:
         """Begin from the prior.
 
         Args:
-            truth: What there is of the class.
+            truth: The bodies of the class.
             cone: What an action senses.
-            tumour_map: The class's own map before anything is sensed, which is updated; None to keep none.
+            tumour_map: The class's own map before anything is sensed, which is updated; None keeps no map.
         """
         self.truth = truth
         self.tumour_map = tumour_map
@@ -55,7 +55,7 @@ class TargetBelief:
         return self.truth.anatomy.name
 
     def learn(self, reading: Reading) -> TargetScore:
-        """Take in what an action returned of the class.
+        """The score after an action, whose labels of the class update the map.
 
         Raises:
             ValueError: There is a map, and the reading has no labels of the class.
@@ -77,7 +77,7 @@ class TargetBelief:
         return TargetScore(float(self._is_sensed.mean()), auprc)
 
     def metrics(self) -> MapMetrics | None:
-        """Scores of the present map against the truth."""
+        """The scores of the present map against the truth."""
         return None if self.prediction is None else evaluate_map(self.prediction, self.truth.is_target)
 
     def _predict(self) -> None:

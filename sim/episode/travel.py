@@ -12,17 +12,17 @@ from .positioner import Positioner
 
 
 class Travel:
-    """Estimates times of motion of what a positioner carries: all joints go straight, start and stop together."""
+    """An estimate of how long a positioner's motions take: all joints go straight, and start and stop together."""
 
     def __init__(
         self, positioner: Positioner, limits: JointLimits | None, settings: MotionSettings | None = None
     ) -> None:
-        """Ask `positioner` for configurations; `limits` are those of all joints of the scene, None for a free probe."""
+        """Take configurations from `positioner`; `limits` are those of all joints of the scene, None without an arm."""
         self._positioner, self._limits = positioner, limits
         self._settings = settings or MotionSettings()
 
     def seconds(self, start: int, poses: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Time of the transfer from above one pose to above others [s], infinite for those not reached.
+        """The time of the transfer from above one pose to above others [s], infinite for those not reached.
 
         Lift and descent are left out: they are the same for all.
 

@@ -20,10 +20,10 @@ from .setup import Setup
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TargetTruth:
-    """What there is of a second class that is mapped beside the tumours."""
+    """The bodies of a second class that is mapped beside the tumours."""
 
     anatomy: Anatomy
-    """The organ with the class's bodies in the tumours' place, and the class's name."""
+    """The organ, with the class's bodies in the place of tumours and under the class's name."""
     is_target: NDArray[np.bool_]
     """Truth at the setup's search points, shape (M,)."""
     attainable_fraction: float
@@ -36,7 +36,7 @@ class Truth:
 
     anatomy: Anatomy
     setup: Setup
-    """Where they are planted."""
+    """The setup that the tumours are planted in."""
     is_tumour: NDArray[np.bool_]
     """Truth at the setup's search points, shape (M,)."""
     attainable_fraction: float | None
@@ -46,12 +46,12 @@ class Truth:
 
     @cached_property
     def scene(self) -> Scene:
-        """The scene with the tumours in it, built when it is first asked for."""
+        """The scene with the tumours in it, built on first use."""
         return build_scene(self.anatomy, self.setup.cone, arm=self.setup.arm)
 
 
 def make_truth(setup: Setup, rng: np.random.Generator) -> Truth:
-    """Plant the tumours (or take the given ones) and draw their detection points.
+    """The truth of a seed: its tumours, planted unless they are given, and their detection points.
 
     Every part has a stream of its own, so that the truth of a seed is the same for every planner, and for every arm
     that reaches the poses above the tumours.
@@ -83,7 +83,7 @@ def make_truth(setup: Setup, rng: np.random.Generator) -> Truth:
 
 
 def _target(setup: Setup, rng: np.random.Generator) -> TargetTruth:
-    """The truth of the second class, with a stream of its own after those of the tumours."""
+    """The truth of the second class, whose stream of random numbers comes after those of the tumours."""
     (points_rng,) = rng.spawn(1)
     anatomy = build_anatomy(
         setup.organ,

@@ -1,4 +1,4 @@
-"""Pieces: the connected components of what a map calls tumour, and the tumours that each of them touches."""
+"""The connected components of what a map calls tumour, named pieces, and the tumours that each of them touches."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .mapped_surface import Grid
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What a map calls tumour, piece by piece, with what each piece is a finding of."""
+    """What a map calls tumour, piece by piece, and which tumours each piece is a finding of."""
 
     field: MapField
     level: float
@@ -28,10 +28,11 @@ class Pieces:
     labels: NDArray[np.intp]
     """The piece of each lattice point, from 1; 0 where none is. Shape (X, Y, Z)."""
     touches: NDArray[np.bool_]
-    """Which piece touches which tumour, shape (number of pieces + 1, number of tumours); row 0 is no piece."""
+    """Which piece touches which tumour, shape (number of pieces + 1, number of tumours); row 0 stands for no piece."""
     tumour_points_m: NDArray[np.float64]
     """Points in the tumours, shape (D, 3)."""
     tumour_of_point: NDArray[np.int64]
+    """The tumour of each of these points, from 0, shape (D,)."""
 
     @classmethod
     def of(
@@ -43,14 +44,13 @@ class Pieces:
         tumour_of_point: NDArray[np.int64],
         n_tumours: int,
     ) -> Pieces:
-        """Label what a field calls tumour and see what it touches.
+        """The pieces of what a field calls tumour.
 
         A piece touches a tumour where the lattice point nearest to one of the tumour's points belongs to it.
         """
         is_called = (field.log_odds > level) & field.is_inside
-        labelled: Any = label(
-            is_called, structure=np.ones((3, 3, 3))
-        )  # (labels, count), as scipy's types do not say
+        # SciPy's types do not say that this is a pair of labels and their count.
+        labelled: Any = label(is_called, structure=np.ones((3, 3, 3)))
         labels, n_pieces = np.asarray(labelled[0], dtype=np.intp), int(labelled[1])
         touches = np.zeros((n_pieces + 1, n_tumours), dtype=bool)
         touches[labels[tuple(field.nearest(tumour_points_m).T)], tumour_of_point] = True
@@ -65,10 +65,10 @@ class Pieces:
     def is_of(
         self, points_m: NDArray[np.float64], *, tumour: int | None = None, piece: int | None = None
     ) -> NDArray[np.bool_]:
-        """Which points belong to what was mapped of a tumour, or to one piece, shape (N,); the level is not asked.
+        """Which points belong to what was mapped of a tumour, or to one piece, whatever their value is, shape (N,).
 
-        Points between the lattice's belong to the piece of the nearest point that is called tumour; where a piece
-        touches several tumours, to that whose points are nearest.
+        A point belongs to the piece of the nearest lattice point that is called tumour. Where that piece touches
+        several tumours, it belongs to the tumour whose points are nearest.
         """
         owner = self.nearest_piece[tuple(self.field.nearest(points_m).T)]
         if piece is not None:
@@ -89,7 +89,7 @@ class Pieces:
         return np.where((values > 0) & ~is_kept, -np.maximum(values, 0.01), values)
 
     def box_of(self, is_mapped: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """The corners of the box around lattice points and the cells they stand for; None where there are none."""
+        """The corners of the box around the cells of lattice points; None where there are no such points."""
         if not is_mapped.any():
             return None
         indices = np.nonzero(is_mapped)
@@ -99,7 +99,7 @@ class Pieces:
 
     @cached_property
     def nearest_piece(self) -> NDArray[np.intp]:
-        """The piece of the nearest lattice point that is called tumour, shape (X, Y, Z); 0 where there is none."""
+        """The piece of the nearest lattice point that is called tumour, shape (X, Y, Z); 0 without any such point."""
         if not self.labels.any():
             return self.labels
         _, nearest = distance_transform_edt(
@@ -113,7 +113,7 @@ class Pieces:
 
 
 def grid_around(*boxes: tuple[NDArray[np.float64], NDArray[np.float64]] | None) -> Grid:
-    """A grid over all of the boxes that there are."""
+    """The grid over all boxes, of which those that are None are left out."""
     kept = [box for box in boxes if box is not None]
     return Grid.around(np.min([low for low, _ in kept], axis=0), np.max([high for _, high in kept], axis=0))
 

@@ -1,7 +1,7 @@
-"""Findings: what a map calls tumour, piece by piece, against the tumours that are there.
+"""Findings: what a map calls tumour, piece by piece, against the true tumours.
 
-A piece is a connected component of the lattice points that the map calls tumour. One that touches a true tumour is a
-finding of it (and is shared out where it touches several); one that touches none is a false finding.
+A piece is a connected component of the lattice points that the map calls tumour. A piece that touches a true tumour is
+a finding of it, and is divided where it touches several. A piece that touches no tumour is a false finding.
 """
 
 from __future__ import annotations
@@ -28,42 +28,44 @@ class TumourFinding:
     """One true tumour, and what the map made of it."""
 
     tumour: int
-    """Number, from 1."""
+    """Number of the tumour, from 1."""
     is_found: bool | None
-    """Whether something that the map calls tumour touches it at the end; None without a map."""
+    """Whether a piece of the last map touches it; None without a map."""
     first_seen_step: int | None
     """The first action whose cone held some of it."""
     sensed_step: int | None
-    """The action at which 95 % of it was sensed."""
+    """The action after which 95 % of it was sensed."""
     first_mapped_step: int | None
     """The first action after which the map called some of it tumour, among those whose map was kept."""
     sensed_fraction: float | None
+    """Share of its detection points that was sensed; None without actions or points."""
     true_volume_m3: float
     true_centroid_m: NDArray[np.float64]
     overlap: Overlap | None = None
-    """None where it was not found."""
+    """How what was mapped of it compares with it; None where it was not found."""
     surface_mean_m: float | None = None
-    """Mean distance between the surfaces, both ways."""
+    """Mean distance between the mapped and the true surface, both ways."""
     surface_hausdorff95_m: float | None = None
-    """95th percentile of the distances between the surfaces, the larger of both ways."""
+    """95th percentile of the distances between the two surfaces, the larger of both ways."""
     surface: Solid | None = None
-    """The mapped surface, world frame."""
+    """The mapped surface, world frame [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FalseFinding:
-    """A piece that the map calls tumour and that touches none."""
+    """A piece that the map calls tumour and that touches no tumour."""
 
     finding: int
-    """Number, from 1; the largest first."""
+    """Number of the false finding, from 1; the largest has the first."""
     volume_m3: float
     centroid_m: NDArray[np.float64]
     highest_probability: float
     tumour_distance_m: float | None
-    """From its centroid to the nearest point of a true tumour; None without tumours."""
+    """Distance from its centroid to the nearest point of a true tumour; None without tumours."""
     first_mapped_step: int | None
     """The first action after which the map called some of it tumour, among those whose map was kept."""
     surface: Solid | None
+    """The mapped surface, world frame [m]; None where the grid was too coarse for one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,20 +73,20 @@ class Findings:
     """All of a run's findings at its end."""
 
     probability: float
-    """From where the map calls a point tumour."""
+    """The probability from which the map calls a point tumour."""
     tumours: tuple[TumourFinding, ...]
     false: tuple[FalseFinding, ...]
     target: Findings | None = None
-    """What the map of a second class found: its bodies in the tumours' place. None where none was mapped."""
+    """What the map of a second class found, with its bodies in the tumours' place; None where none was mapped."""
 
     @property
     def n_found(self) -> int:
-        """How many of the tumours were found."""
+        """The number of tumours that were found."""
         return sum(bool(finding.is_found) for finding in self.tumours)
 
 
 def find(record: RunRecord) -> Findings:
-    """What the last map of a run found, and that of a second class."""
+    """The findings of the last map of a run, and those of the map of a second class."""
     target = None if record.target is None else find(record.target)
     probability = called_from(float(record.config["map"]["prior_prevalence"]))
     pieces = None
@@ -109,11 +111,9 @@ def _tumour(
 ) -> TumourFinding:
     solid = record.anatomy.tumours[index]
     of_tumour = record.detection_tumours == index
-    seen_share = (
-        np.logical_or.accumulate(is_seen[:, of_tumour], axis=0).mean(axis=1)
-        if of_tumour.any()
-        else np.empty(0)
-    )
+    seen_share = np.empty(0)
+    if of_tumour.any():
+        seen_share = np.logical_or.accumulate(is_seen[:, of_tumour], axis=0).mean(axis=1)
     finding = TumourFinding(
         tumour=index + 1,
         is_found=None if pieces is None else bool(pieces.touches[:, index].any()),
@@ -177,7 +177,7 @@ def _false_findings(record: RunRecord, pieces: Pieces | None) -> Iterator[FalseF
 
 
 def _first_mapped(record: RunRecord, pieces: Pieces, cells: NDArray[np.intp]) -> int | None:
-    """The first kept action after which one of the lattice points is called tumour."""
+    """The first action whose kept map calls one of the lattice points tumour."""
     field = pieces.field
     number = np.full(field.is_inside.shape, -1)
     number[field.is_inside] = np.arange(field.n_inside)
@@ -193,9 +193,9 @@ def _distance_to_tumours_m(record: RunRecord, point_m: NDArray[np.float64]) -> f
     return float(np.linalg.norm(record.detection_points_m - point_m, axis=1).min())
 
 
-def _first(is_so: NDArray[np.bool_]) -> int | None:
-    """The number, from 1, of the first action at which something is so."""
-    return int(np.argmax(is_so)) + 1 if is_so.any() else None
+def _first(is_marked: NDArray[np.bool_]) -> int | None:
+    """The number, from 1, of the first action that is marked; None without a mark."""
+    return int(np.argmax(is_marked)) + 1 if is_marked.any() else None
 
 
 def centroid_m(solid: Solid) -> NDArray[np.float64]:

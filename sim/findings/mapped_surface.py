@@ -16,6 +16,7 @@ from sim.world.solids.surface_distance import SurfaceDistance
 POINTS_ACROSS = 36
 """Points of the grid along the longest side of what is cut out: a volume is then right to about 1 %."""
 LEAST_SPACING_M = 0.0005
+"""The grid is never finer than this."""
 MARGIN = 3
 """Points of the grid beyond what is cut out, so that every surface closes."""
 N_SURFACE_POINTS = 3000
@@ -42,13 +43,13 @@ class Grid:
         return cls(low_m - MARGIN * spacing_m, spacing_m, (int(n[0]), int(n[1]), int(n[2])))
 
     def points_m(self) -> NDArray[np.float64]:
-        """All points, shape (N, 3), x slowest."""
+        """All points [m], shape (N, 3), x slowest."""
         indices = np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1).reshape(-1, 3)
         return self.low_m + indices * self.spacing_m
 
     @property
     def cell_m3(self) -> float:
-        """Volume for which each point stands."""
+        """The volume for which each point stands [m^3]."""
         return self.spacing_m**3
 
 
@@ -59,18 +60,18 @@ class Overlap:
     mapped_volume_m3: float
     mapped_centroid_m: NDArray[np.float64]
     centroid_error_m: float
-    """Between the centroid of what was mapped and that of the tumour."""
+    """Distance between the centroid of what was mapped and that of the tumour."""
     dice: float
     """Twice the common volume by the sum of both."""
 
 
 def overlap(grid: Grid, is_mapped: NDArray[np.bool_], is_true: NDArray[np.bool_]) -> Overlap:
-    """How a mapped body compares with a true one; both hold a point at least.
+    """The overlap of a mapped body with a true one; both hold at least one point.
 
     Args:
-        grid: Where both were looked at.
-        is_mapped: Which of its points the map calls tumour, shape (N,).
-        is_true: Which are, shape (N,).
+        grid: The points at which both were looked at.
+        is_mapped: Which of these the map calls tumour, shape (N,).
+        is_true: Which of these lie in the tumour, shape (N,).
     """
     points_m = grid.points_m()
     mapped_m, true_m = points_m[is_mapped].mean(axis=0), points_m[is_true].mean(axis=0)
@@ -83,11 +84,11 @@ def overlap(grid: Grid, is_mapped: NDArray[np.bool_], is_true: NDArray[np.bool_]
 
 
 def surface_of(grid: Grid, values: NDArray[np.float64]) -> Solid | None:
-    """The surface on which a field is 0, turned outward from where it is positive; None where it is so nowhere.
+    """The surface on which a field is 0, turned outward from where it is positive; None without such a surface.
 
     Args:
-        grid: Where the field was looked at; on its faces the field has to be negative.
-        values: The field there, shape (N,).
+        grid: The points at which the field is known; at the outermost it has to be negative.
+        values: The field at these points, shape (N,).
     """
     block = values.reshape(grid.shape)
     if not (block > 0).any() or not (block < 0).any():
@@ -100,14 +101,14 @@ def surface_of(grid: Grid, values: NDArray[np.float64]) -> Solid | None:
 
 
 def surface_gap(one: Solid, other: Solid, rng: np.random.Generator) -> tuple[float, float]:
-    """Mean distance between two surfaces [m], and the 95th percentile, the larger of both ways (Hausdorff)."""
+    """The mean distance between two surfaces [m], and the 95th percentile, the larger of both ways (Hausdorff)."""
     ways = [_distances_m(one, other, rng), _distances_m(other, one, rng)]
     mean_m = float(np.mean([way.mean() for way in ways]))
     return mean_m, float(max(np.percentile(way, PERCENTILE) for way in ways))
 
 
 def _distances_m(source: Solid, target: Solid, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Distance to a surface from points strewn evenly on another, shape (N_SURFACE_POINTS,)."""
+    """The distances to a surface from points strewn evenly on another [m], shape (N_SURFACE_POINTS,)."""
     return SurfaceDistance(target).distance_m(_strewn(source, rng))
 
 

@@ -1,4 +1,4 @@
-"""What a run comes to, as files for people and for other programs: findings, surfaces and poses."""
+"""The results of a run as files for people and for other programs: findings, surfaces and poses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far vessels and other structures are from the tumours, and from the bodies of a second class: mapped and true."""
+"""How far vessels and other structures are from the tumours and from the bodies of a second class, mapped and true."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ class _Body:
     kind: str
     """`mapped` or `true`."""
     number: int
+    """Number among the bodies of its class and kind, from 1."""
     points_m: NDArray[np.float64]
-    """Points of it, shape (K, 3)."""
+    """Points of it [m, world], shape (K, 3)."""
     volume_m3: float
 
 
 def distance_rows(episode: Episode, prior_prevalence: float) -> list[dict[str, Any]]:
-    """A row for each structure and tumour: `mapped` ones, the largest first, and `true` ones.
+    """The rows of structures.csv, one for each structure and tumour: first the mapped tumours by size, then the true.
 
     A mapped tumour is a connected piece of the lattice that the map calls tumour, by the rule of the findings
     (`called_from`). Its distance is that of its nearest point, so it is known to half a step of the lattice. Where a
@@ -42,7 +43,7 @@ def distance_rows(episode: Episode, prior_prevalence: float) -> list[dict[str, A
     `target_name` in its place.
 
     Args:
-        episode: After its last step.
+        episode: The episode after its last step.
         prior_prevalence: Share of the organ that the map expected to be tumour before anything was sensed.
     """
     setup, target = episode.setup, episode.target
@@ -85,13 +86,12 @@ def _row(structure: Structure, body: _Body, classes: dict[str, str | None]) -> d
 def _mapped(
     setup: Setup, threshold: float, prediction: Prediction | None
 ) -> list[tuple[NDArray[np.float64], float]]:
-    """Points [m] and volume [m^3] of each body of a map, the largest first."""
+    """The points [m] and the volume [m^3] of each body of a map, the largest first."""
     if prediction is None:
         return []
-    is_likely = np.zeros(setup.query.n_points, dtype=bool)
-    is_likely[setup.is_inside] = prediction.probability > threshold
+    is_called = setup.on_lattice(prediction.probability > threshold, outside=False)
     pieces = np.empty(setup.query.shape, dtype=np.int32)
-    label(is_likely.reshape(setup.query.shape), structure=generate_binary_structure(3, 3), output=pieces)
+    label(is_called, structure=generate_binary_structure(3, 3), output=pieces)
     sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
     cell_m3 = float(np.prod([np.diff(axis).mean() for axis in setup.query.axes_m]))

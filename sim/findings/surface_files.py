@@ -30,10 +30,10 @@ COLOURS = {"organ": (0.72, 0.55, 0.50, 0.25), "tumour": (0.84, 0.37, 0.0, 0.6), 
 
 
 def write_surfaces(record: RunRecord, findings: Findings) -> list[Path]:
-    """Write surfaces/mapped_*.stl, one for each finding, and surfaces/mapped.glb with all that there is.
+    """Write surfaces/mapped_*.stl, one for each finding, and surfaces/mapped.glb, which holds the truth as well.
 
     Returns:
-        The files, glTF last; none where nothing was mapped.
+        The files, the glTF file last; none where nothing was mapped.
     """
     mapped = {f"mapped_tumour_{each.tumour}": each.surface for each in findings.tumours if each.surface}
     mapped |= {f"mapped_false_{each.finding}": each.surface for each in findings.false if each.surface}

@@ -1,6 +1,6 @@
-"""The files of findings: tumours.csv and false_findings.csv, and both in findings.json; SI units, world frame.
+"""The files of findings, in SI units and the world frame: tumours.csv, false_findings.csv, and both in findings.json.
 
-A second class has targets.csv and target_false_findings.csv, of the same columns.
+A second class has targets.csv and target_false_findings.csv, with the same columns.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"
 
 
 def write_finding_tables(folder: Path, findings: Findings) -> None:
-    """Write both tables of each class to a run's folder, and findings.json."""
+    """Write the two tables of each class to a run's folder, and findings.json."""
     write_csv(folder / TUMOURS, map(tumour_row, findings.tumours), list(tumour_row(None)))
     write_csv(folder / FALSE_FINDINGS, map(false_row, findings.false), list(false_row(None)))
     if findings.target is not None:
@@ -33,23 +33,13 @@ def write_finding_tables(folder: Path, findings: Findings) -> None:
 
 
 def tumour_row(finding: TumourFinding | None) -> dict[str, Any]:
-    """A row of tumours.csv; with None its columns."""
+    """A row of tumours.csv; for None a row of empty cells, which tells the columns."""
     overlap = finding.overlap if finding else None
-    row: dict[str, Any] = {
-        name: getattr(finding, name, None)
-        for name in (
-            "tumour",
-            "is_found",
-            "first_seen_step",
-            "sensed_step",
-            "first_mapped_step",
-            "sensed_fraction",
-        )
-    }
-    row["true_volume_m3"] = getattr(finding, "true_volume_m3", None)
-    row["mapped_volume_m3"] = (
-        overlap.mapped_volume_m3 if overlap else (0.0 if finding and finding.is_found is False else None)
-    )
+    is_missed = finding is not None and finding.is_found is False
+    steps = ("first_seen_step", "sensed_step", "first_mapped_step")
+    names = ("tumour", "is_found", *steps, "sensed_fraction", "true_volume_m3")
+    row: dict[str, Any] = {name: getattr(finding, name, None) for name in names}
+    row["mapped_volume_m3"] = 0.0 if is_missed else getattr(overlap, "mapped_volume_m3", None)
     row |= {name: getattr(overlap, name, None) for name in ("centroid_error_m", "dice")}
     row |= {name: getattr(finding, name, None) for name in ("surface_mean_m", "surface_hausdorff95_m")}
     row |= _place("true_centroid", finding.true_centroid_m if finding else None)
@@ -57,14 +47,14 @@ def tumour_row(finding: TumourFinding | None) -> dict[str, Any]:
 
 
 def false_row(finding: FalseFinding | None) -> dict[str, Any]:
-    """A row of false_findings.csv; with None its columns."""
+    """A row of false_findings.csv; for None a row of empty cells, which tells the columns."""
     names = ("finding", "volume_m3", "highest_probability", "tumour_distance_m", "first_mapped_step")
     row = {name: getattr(finding, name, None) for name in names}
     return row | _place("centroid", finding.centroid_m if finding else None)
 
 
 def finding_summary(findings: Findings) -> dict[str, Any]:
-    """All findings and how many there are, as findings.json has them."""
+    """All findings and their numbers, as findings.json holds them."""
     target = {} if findings.target is None else {"target": _of_target(finding_summary(findings.target))}
     return {
         "called_from_probability": findings.probability,
@@ -78,7 +68,7 @@ def finding_summary(findings: Findings) -> dict[str, Any]:
 
 
 def _of_target(value: Any) -> Any:
-    """The same of the second class: keys that say tumour say target."""
+    """A value of the second class: the keys say target in place of tumour."""
     if isinstance(value, dict):
         return {key.replace("tumour", "target"): _of_target(each) for key, each in value.items()}
     return [_of_target(each) for each in value] if isinstance(value, list) else value

@@ -36,15 +36,16 @@ STRUCTURES = {
     False: ("vessels and the like", STRUCTURE_RGBA),
     True: ("must not be pressed", KEEPOUT_RGBA),
 }
+"""Name and colour of structures, and of those to keep away from."""
 MOST_LETTERS = 24
-"""Of a name in the key, which has room for no more."""
+"""Most letters of a name in the key, which has no room for more."""
 INK, PAPER = (28, 38, 52), (250, 251, 252)
 
 
 def captioned(
     pixels: NDArray[np.uint8], caption: str, structures: Sequence[Structure] = (), target: str | None = None
 ) -> NDArray[np.uint8]:
-    """The picture with its edges smoothed, a caption, and the key to the colours where there is room, same shape."""
+    """A picture with smoothed edges, a caption, and the key to the colours where there is room; the shape is kept."""
     height_px, width_px = pixels.shape[:2]
     image = Image.fromarray(smooth_edges(pixels))
     legend = _legend(*{each.is_keepout: None for each in structures}, target=target)
@@ -66,8 +67,8 @@ def _legend(*kinds: bool, target: str | None = None) -> Image.Image:
     """The key to the colours, as a translucent card.
 
     Args:
-        kinds: Of structures: True for those to keep away from, False for others.
-        target: What a second class is called, None where there is none.
+        kinds: Kinds of structures: True for those to keep away from, False for others.
+        target: What a second class is called; None where there is none.
     """
     targets = [] if target is None else [(f"true {target}"[:MOST_LETTERS], TARGET_RGBA)]
     entries = [*LEGEND, *targets, *(STRUCTURES[kind] for kind in sorted(kinds))]

@@ -1,7 +1,7 @@
 """The curves drawn at the end of a run: progress over the sensing actions, and precision against recall.
 
 Every function goes from arrays to a file and touches no global state of matplotlib. The colours are of Okabe
-and Ito's palette, which the common forms of colour blindness tell apart.
+and Ito's palette, which people with the common forms of colour blindness can tell apart.
 """
 
 from dataclasses import dataclass
@@ -54,43 +54,25 @@ def draw_precision_recall(
     prevalence: float,
     target: TargetCurves | None = None,
 ) -> None:
-    """Writes the precision-recall curve of the final map as a PNG.
+    """Write the precision-recall curve of the final map as a PNG.
 
     Args:
         path: The file to write.
         recall: Recall along the curve, shape (K,).
         precision: Precision along the curve, shape (K,).
-        auprc: Area under the curve; None without any tumour, when the curve is not defined.
-        prevalence: Share of tumour among the scored points: the precision of an uninformed map.
-        target: The second class, whose curve is drawn as well; None for none.
+        auprc: Area under the curve; None where the curve is not defined, since there is no tumour.
+        prevalence: Share of tumour among the scored points, which is the precision of an uninformed map.
+        target: The second class, whose curve is drawn as well; None where there is none.
     """
     figure, axes = new_figure(width_in=5.2, height_in=4.6)
     axes.set(xlabel="recall", ylabel="precision", xlim=(0, 1.02), ylim=(0, 1.02))
-    if auprc is None:
-        if target is None:
-            _note(axes, "No tumour in this organ:\nprecision and recall are not defined.")
-        title = "Precision and recall of the final map"
-    else:
-        recall, precision = _by_rising_recall(recall, precision)
-        axes.fill_between(recall, precision, step="pre", color=BLUE, alpha=0.12, linewidth=0)
-        axes.plot(
-            recall,
-            precision,
-            drawstyle="steps-pre",
-            color=BLUE,
-            linewidth=2.2,
-            label=f"tumour: area {auprc:.2f}",
-        )
-        axes.axhline(prevalence, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.2)
-        axes.annotate(
-            f"uninformed map: {prevalence:.2g}",
-            (0.0, prevalence),
-            xytext=(6, 4),
-            textcoords="offset points",
-            color=MUTED,
-            fontsize=9,
-        )
-        title = f"Precision and recall of the final map: area {auprc:.2f}"
+    title = "Precision and recall of the final map"
+    if auprc is not None:
+        _draw_ranking(axes, *_by_rising_recall(recall, precision), auprc)
+        _draw_prevalence(axes, prevalence)
+        title = f"{title}: area {auprc:.2f}"
+    elif target is None:
+        _note(axes, "No tumour in this organ:\nprecision and recall are not defined.")
     if target is not None:
         title = "Precision and recall of the final maps"
         _draw_target_ranking(axes, target)
@@ -101,13 +83,13 @@ def draw_precision_recall(
 def draw_progress(
     path: Path, *, auprc: ArrayLike, sensed_fraction: ArrayLike, target: TargetCurves | None = None
 ) -> None:
-    """Writes AUPRC and sensed fraction against the number of sensing actions as a PNG.
+    """Write AUPRC and sensed fraction against the number of sensing actions as a PNG.
 
     Args:
         path: The file to write.
         auprc: AUPRC after each action, shape (T,); NaN where it is not defined.
         sensed_fraction: Share of the tumour volume sensed after each action, shape (T,); NaN without tumours.
-        target: The second class, whose curves are drawn as well; None for none.
+        target: The second class, whose curves are drawn as well; None where there is none.
     """
     figure, axes = new_figure(width_in=6.8, height_in=4.2)
     sensed, ranked = (np.asarray(values, dtype=np.float64) for values in (sensed_fraction, auprc))
@@ -137,7 +119,7 @@ def new_figure(
     Args:
         width_in: Width [inch].
         height_in: Height [inch].
-        margins_in: Room left, right, below and above the axes [inch]; stated, since a layout that measures its
+        margins_in: Room left, right, below and above the axes [inch]. It is given, since a layout that measures its
             labels draws everything twice.
     """
     figure = Figure(figsize=(width_in, height_in), dpi=DPI)
@@ -156,7 +138,7 @@ def new_figure(
 
 
 def make_plain(axes: Axes) -> None:
-    """Gives axes the style of all figures."""
+    """Give axes the style of all figures."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
@@ -167,7 +149,7 @@ def make_plain(axes: Axes) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as a PNG whose bytes depend on the picture alone, not on the version that drew it."""
+    """Write a figure as a PNG whose bytes depend only on the picture, and not on the version that drew it."""
     quick = {"compress_level": 3}
     figure.savefig(path, dpi=DPI, facecolor="white", metadata={"Software": None}, pil_kwargs=quick)
 
@@ -175,13 +157,29 @@ def save(figure: Figure, path: Path) -> None:
 def _by_rising_recall(
     recall: ArrayLike, precision: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The curve from recall 0 on; the steps of its area hold each precision back to the recall before."""
+    """The curve from recall 0 on, whose steps hold each precision back to the recall before."""
     recall, precision = np.asarray(recall, dtype=np.float64), np.asarray(precision, dtype=np.float64)
     return (recall[::-1], precision[::-1]) if recall[0] > recall[-1] else (recall, precision)
 
 
+def _draw_ranking(
+    axes: Axes, recall: NDArray[np.float64], precision: NDArray[np.float64], auprc: float
+) -> None:
+    """Draw the tumours' curve and the area under it."""
+    axes.fill_between(recall, precision, step="pre", color=BLUE, alpha=0.12, linewidth=0)
+    label = f"tumour: area {auprc:.2f}"
+    axes.plot(recall, precision, drawstyle="steps-pre", color=BLUE, linewidth=2.2, label=label)
+
+
+def _draw_prevalence(axes: Axes, prevalence: float) -> None:
+    """Draw the precision of an uninformed map."""
+    axes.axhline(prevalence, color=MUTED, linestyle=(0, (4, 3)), linewidth=1.2)
+    style = {"textcoords": "offset points", "color": MUTED, "fontsize": 9}
+    axes.annotate(f"uninformed map: {prevalence:.2g}", (0.0, prevalence), xytext=(6, 4), **style)
+
+
 def _draw_target_ranking(axes: Axes, target: TargetCurves) -> None:
-    """The second class's curve, and a legend that tells both."""
+    """Draw the second class's curve, and a legend that tells it from the tumours'."""
     recall, precision = (np.asarray(values, dtype=np.float64) for values in (target.recall, target.precision))
     if recall.size:
         recall, precision = _by_rising_recall(recall, precision)
@@ -189,10 +187,8 @@ def _draw_target_ranking(axes: Axes, target: TargetCurves) -> None:
         label = f"{target.name}: area {area:.2f}"
         axes.plot(recall, precision, drawstyle="steps-pre", color=AMBER, linewidth=2.2, label=label)
     if axes.lines:
-        place = {
-            "loc": "lower left",
-            "bbox_to_anchor": (0.0, 0.06),
-        }  # curves pass by; the prevalence is below
+        # Curves seldom pass here, and the line of the prevalence lies below.
+        place = {"loc": "lower left", "bbox_to_anchor": (0.0, 0.06)}
         axes.legend(**place, frameon=False, fontsize=10, labelcolor="linecolor", handlelength=1.4)
 
 

@@ -21,7 +21,7 @@ from .captions import captioned
 from .png import png_bytes
 
 LIKELY = 0.7
-"""Cells with a higher probability of tumour are drawn: well above the prior of 0.5, or all unsensed ones would be."""
+"""Cells with a higher probability of tumour are drawn. It is well above the prior of 0.5, that of unsensed cells."""
 
 
 class EpisodeFrames(Closeable):
@@ -34,7 +34,7 @@ class EpisodeFrames(Closeable):
         self._pending: list[Future[None]] = []
         self._cell_size_m = float(np.diff(episode.setup.query.axes_m[0]).min())
         self.draw_s = 0.0
-        """Seconds that drawing kept the episode waiting."""
+        """Seconds for which drawing kept the episode waiting."""
         if renderer is not None:
             self._folder.mkdir(exist_ok=True)
 
@@ -65,11 +65,9 @@ class EpisodeFrames(Closeable):
         )
 
     def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which search points are likely and have a neighbour that is not: what is seen of a heap of cells."""
+        """Which search points are likely and have a neighbour that is not: only these are seen of a heap of cells."""
         setup = self._episode.setup
-        on_lattice = np.zeros(setup.query.n_points, dtype=np.bool_)
-        on_lattice[setup.is_inside] = is_likely
-        core = binary_erosion(on_lattice.reshape(setup.query.shape))
+        core = np.asarray(binary_erosion(setup.on_lattice(is_likely, outside=False)), dtype=np.bool_)
         return is_likely & ~core.ravel()[setup.is_inside]
 
     def close(self) -> None:
@@ -85,7 +83,7 @@ class EpisodeFrames(Closeable):
 
 
 def _caption(episode: Episode, step: Step) -> str:
-    """Scenario, planner, and where the episode stands."""
+    """The scenario, and where the episode stands."""
     parts = [f"{episode.setup.scenario.name}", f"action {step.step}"]
     if step.sensed_fraction is not None:
         parts.append(f"tumour sensed {step.sensed_fraction:.0%}")

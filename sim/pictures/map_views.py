@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ _MOST_NUMBERED_POSES = 60
 _COLOURS = LinearSegmentedColormap.from_list(
     "likely", ["#F7F4EE", "#FBE3A8", "#F5B041", "#D9642C", "#8E1F3F", "#3B0F3F"]
 )
-"""From near white (surely free) over amber to dark (surely tumour): the lightness alone tells the value."""
+"""From near white (surely free) over amber to dark (surely tumour): the lightness by itself tells the value."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,15 +51,15 @@ class MapPicture:
     poses_m: NDArray[np.float64]
     """Positions of the sensing actions [m, world], in order, shape (T, 3)."""
     organ_triangles_m: NDArray[np.float64] | None = None
-    """Triangles of the organ's surface [m, world], shape (F, 3, 3), for an exact outline; else None."""
+    """Triangles of the organ's surface [m, world], shape (F, 3, 3); None to outline `is_inside` in their place."""
     tumour_triangles_m: NDArray[np.float64] | None = None
-    """Triangles of all tumours [m, world], shape (F, 3, 3), for exact outlines; else None."""
+    """Triangles of all tumours [m, world], shape (F, 3, 3); None to outline `is_tumour` in their place."""
     target_name: str | None = None
     """What a second class is called, where `probability`, `is_tumour` and the outlines are of it; None for tumours."""
 
     @property
     def noun(self) -> str:
-        """What is mapped, as one says `probability of ...`."""
+        """What is mapped, to follow "probability of"."""
         return self.target_name or "tumour"
 
     def __post_init__(self) -> None:
@@ -74,7 +75,7 @@ class MapPicture:
 
 
 def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
-    """Writes one view of the final map as a PNG.
+    """Write one view of the final map as a PNG.
 
     Args:
         path: The file to write.
@@ -112,9 +113,7 @@ def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
     axes.set_title(_title(view, picture), loc="left", fontsize=12, color=INK, pad=10)
     beside = ((_MARGINS_IN[0] + width_in + 0.15) / of_figure_in[0], _MARGINS_IN[2] / of_figure_in[1])
     bar_axes = figure.add_axes((*beside, 0.16 / of_figure_in[0], height_in / of_figure_in[1]))
-    colourbar = figure.colorbar(image, cax=bar_axes)
-    colourbar.set_label(f"highest probability of {picture.noun}", fontsize=9, color=INK)
-    colourbar.ax.tick_params(labelsize=9, length=0)
+    _draw_colourbar(figure, image, bar_axes, f"highest probability of {picture.noun}")
     _draw_legend(figure, f"true {picture.target_name or 'tumours'}")
     save(figure, path)
 
@@ -132,7 +131,7 @@ def _silhouette(
     view: View,
     smoothing_cells: float,
 ) -> NDArray[np.float64]:
-    """Positive inside the silhouette, negative outside: from the triangles if given, else from the mask."""
+    """A silhouette, positive inside and negative outside: that of the triangles, or of the mask without triangles."""
     across, up, sight = _AXES_OF_VIEW[view]
     if triangles_m is not None:
         return mesh_silhouette(raster, triangles_m[:, :, [across, up]])
@@ -148,7 +147,8 @@ def _draw_outline(
     line: Literal["solid", "dashed"],
 ) -> None:
     if silhouette.max() <= 0.0:
-        return  # nothing to outline: an organ without tumours
+        # An organ without tumours has nothing to outline.
+        return
     across_m, up_m = raster.centres_m
     contour = axes.contour(
         across_m * _MM_PER_M, up_m * _MM_PER_M, silhouette.T, [0.0], colors=[colour], linestyles=[line]
@@ -165,6 +165,12 @@ def _draw_poses(axes: Axes, poses_mm: NDArray[np.float64]) -> None:
         if is_numbered:
             text = {"fontsize": 6, "ha": "center", "va": "center_baseline", "zorder": 5 + index}
             axes.text(across_mm, up_mm, str(index + 1), color="white", **text)
+
+
+def _draw_colourbar(figure: Figure, image: AxesImage, axes: Axes, label: str) -> None:
+    colourbar = figure.colorbar(image, cax=axes)
+    colourbar.set_label(label, fontsize=9, color=INK)
+    colourbar.ax.tick_params(labelsize=9, length=0)
 
 
 def _draw_legend(figure: Figure, truth: str) -> None:

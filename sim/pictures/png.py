@@ -20,17 +20,18 @@ def png_bytes(pixels: NDArray[np.uint8], *, compression: int = 1) -> bytes:
 
     Args:
         pixels: Shape (height, width, 3).
-        compression: Of zlib, 0 to 9.
+        compression: Level of zlib's compression, 0 to 9.
 
     Raises:
-        ValueError: The array is no RGB picture.
+        ValueError: The array is not an RGB picture.
     """
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
         raise ValueError(
             f"pixels must be uint8 of shape (height, width, 3), not {pixels.dtype} {pixels.shape}"
         )
     height_px, width_px = pixels.shape[:2]
-    rows = np.zeros((height_px, 1 + 3 * width_px), dtype=np.uint8)  # each row after its filter, 0 for none
+    # Each row stands after the number of its filter, which is 0 for none.
+    rows = np.zeros((height_px, 1 + 3 * width_px), dtype=np.uint8)
     rows[:, 1:] = pixels.reshape(height_px, -1)
     header = struct.pack(">IIBBBBB", width_px, height_px, _BITS, _RGB, 0, 0, 0)
     parts = (b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), compression)), (b"IEND", b"")

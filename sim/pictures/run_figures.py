@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mapping import Prediction, precision_recall_curve
 from sim.episode.episode import Episode
 from sim.episode.step import Step
+from sim.tables import nan_for_none
 from sim.world.solids.solid import Solid
 
 from .figures import TargetCurves, draw_precision_recall, draw_progress
@@ -25,15 +26,15 @@ def draw_run_figures(folder: Path, episode: Episode, steps: Sequence[Step]) -> N
     A second class has its curves in the first two, and views of its map in map_target_top.png and map_target_side.png.
 
     Args:
-        folder: Where to write.
+        folder: The run's folder.
         episode: The episode after its last step.
         steps: Its steps, at least one.
     """
     target = _target_curves(episode, steps)
     draw_progress(
         folder / "auprc.png",
-        auprc=_floats([step.auprc for step in steps]),
-        sensed_fraction=_floats([step.sensed_fraction for step in steps]),
+        auprc=nan_for_none([step.auprc for step in steps]),
+        sensed_fraction=nan_for_none([step.sensed_fraction for step in steps]),
         target=target,
     )
     if episode.prediction is None:
@@ -51,11 +52,12 @@ def _target_curves(episode: Episode, steps: Sequence[Step]) -> TargetCurves | No
     target = episode.target
     if target is None:
         return None
-    scores = [step.target for step in steps if step.target is not None]  # all of them
+    # With a second class every step has a score of it; the condition tells the type checker.
+    scores = [step.target for step in steps if step.target is not None]
     recall, precision = _ranking(target.prediction, target.truth.is_target)
     return TargetCurves(
         name=target.name,
-        auprc=_floats([score.auprc for score in scores]),
+        auprc=nan_for_none([score.auprc for score in scores]),
         sensed_fraction=[score.sensed_fraction for score in scores],
         recall=recall,
         precision=precision,
@@ -65,7 +67,7 @@ def _target_curves(episode: Episode, steps: Sequence[Step]) -> TargetCurves | No
 def _ranking(
     prediction: Prediction | None, truth: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Recall and precision of a map, empty where they are not defined."""
+    """The recall and the precision of a map, empty where they are not defined."""
     if prediction is None or not truth.any():
         return np.zeros(0), np.zeros(0)
     curve = precision_recall_curve(prediction.score, truth)
@@ -112,23 +114,16 @@ def _picture(
     target_name: str | None = None,
 ) -> MapPicture:
     setup = episode.setup
-    shape, is_inside = setup.query.shape, setup.is_inside
-    probability, is_true = np.full(is_inside.shape, np.nan), np.zeros(is_inside.shape, dtype=bool)
-    probability[is_inside], is_true[is_inside] = prediction.probability, truth
     return MapPicture(
         axes_m=setup.query.axes_m,
-        probability=probability.reshape(shape),
-        is_tumour=is_true.reshape(shape),
-        is_inside=is_inside.reshape(shape),
+        probability=setup.on_lattice(prediction.probability, outside=np.nan),
+        is_tumour=setup.on_lattice(truth, outside=False),
+        is_inside=setup.is_inside.reshape(setup.query.shape),
         poses_m=setup.workspace.positions_m[episode.sensed],
         organ_triangles_m=_triangles(setup.organ),
         tumour_triangles_m=_all_triangles(bodies),
         target_name=target_name,
     )
-
-
-def _floats(values: Sequence[float | None]) -> list[float]:
-    return [np.nan if value is None else value for value in values]
 
 
 def _triangles(solid: Solid) -> NDArray[np.float64]:

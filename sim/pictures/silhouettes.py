@@ -44,19 +44,18 @@ class Raster:
 
     @property
     def edges_m(self) -> tuple[float, float, float, float]:
-        """Left, right, bottom and top edge [m]."""
+        """The left, right, bottom and top edge [m]."""
         (left, right), (bottom, top) = (_widened(axis) for axis in self.lattice_m)
         return left, right, bottom, top
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Width and height [m]."""
+        """The width and the height [m]."""
         left, right, bottom, top = self.edges_m
         return right - left, top - bottom
 
     def interpolate(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Lattice values interpolated linearly at the pixels' centres, held constant beyond the outermost
-        points.
+        """Lattice values at the pixels' centres, by linear interpolation; constant beyond the outermost points.
 
         Args:
             values: One value per lattice point, shape (across, up).
@@ -69,7 +68,7 @@ class Raster:
 
 
 def extended_to_all(values: NDArray[np.float64], is_known: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The values, each unknown one replaced by that of the nearest known lattice point.
+    """The values, with that of the nearest known lattice point in the place of each unknown one.
 
     Args:
         values: A 2D array.
@@ -80,7 +79,7 @@ def extended_to_all(values: NDArray[np.float64], is_known: NDArray[np.bool_]) ->
 
 
 def lattice_silhouette(mask: NDArray[np.bool_], smoothing_cells: float) -> NDArray[np.float64]:
-    """Signed distance to the mask's edge in lattice cells, smoothed; the shape of the mask.
+    """The smoothed signed distance to a mask's edge in lattice cells, of the mask's shape.
 
     Args:
         mask: A 2D mask.
@@ -88,7 +87,8 @@ def lattice_silhouette(mask: NDArray[np.bool_], smoothing_cells: float) -> NDArr
     """
     if not mask.any():
         return np.full(mask.shape, -1.0)
-    padded = np.pad(mask, 1)  # the lattice's edge closes what touches it
+    # The lattice's edge closes what touches it.
+    padded = np.pad(mask, 1)
     inward = np.asarray(ndimage.distance_transform_edt(padded))
     outward = np.asarray(ndimage.distance_transform_edt(~padded))
     signed = np.where(padded, inward - 0.5, 0.5 - outward)

@@ -1,1 +1,1 @@
-"""Reachability: studies of a workspace, search for a base, comparison of arms, and one pose explained."""
+"""Reachability: studies of a workspace, the search for a base, comparisons of arms, and explanations of a pose."""

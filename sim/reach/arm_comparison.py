@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -11,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from sim.episode.scenario import Scenario
 from sim.notices import Notify, print_notice
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.tables import markdown_table, write_csv
 from sim.world.scene.arm import ArmModel
@@ -47,17 +48,17 @@ def compare_arms(
     *,
     notify: Notify = print_notice,
 ) -> dict[str, Any]:
-    """Study several arms on one workspace, each into a folder of its own; returns the summary with the table.
+    """Study several arms on one workspace, each into a folder of its own, and return the summary with their table.
 
     Args:
-        scenario: The case.
+        scenario: Gives the organ and its workspace.
         arms: The arms where they stand, by the names of their folders.
-        out: The folder that holds them.
-        settings: How each is studied.
-        notify: Tells a notice; on stderr by default.
+        out: The folder that holds these folders.
+        settings: How each arm is studied.
+        notify: Tells a notice; by default on stderr.
 
     Raises:
-        UsageError, WorldError: Something cannot be done; nothing was written then.
+        UsageError, WorldError: Something cannot be done, and nothing was written.
     """
     start_s, out = perf_counter(), Path(out)
     settings = settings or StudySettings()
@@ -92,7 +93,7 @@ def compare_arms(
 
 
 def folder_names(arms: Sequence[str]) -> list[str]:
-    """A name for each arm, none twice: the one asked for, or its file's."""
+    """A name for each arm, none twice: the arm's own, or that of its file."""
     names: list[str] = []
     for arm in arms:
         stem = arm if arm in NAMED_ARMS else Path(arm).stem
@@ -102,7 +103,7 @@ def folder_names(arms: Sequence[str]) -> list[str]:
 
 
 def comparison_row(study: ArmStudy) -> dict[str, Any]:
-    """One arm's row of the table: the values of `COLUMNS`, and its best base where one was sought."""
+    """The row of an arm: the values of `COLUMNS`, and its best base where one was searched."""
     summary = study.summary
     found: Mapping[str, Any] = summary.get("base_search", {})
     row = {name: summary.get(name, found.get(name)) for name in COLUMNS}
@@ -132,5 +133,5 @@ def _cell(name: str, value: Any) -> str:
     if name.startswith("clearance_m"):
         return f"{value * 1e3:.0f}"
     if name.startswith("joint_limit"):
-        return f"{value * 180.0 / 3.141592653589793:.0f}"
+        return f"{math.degrees(value):.0f}"
     return f"{value:.0f}" if name in ("poses_per_s", "n_joints") else f"{value:.3g}"

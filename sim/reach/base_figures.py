@@ -21,16 +21,15 @@ from .workcell import Workcell
 ARROW_MM = 70.0
 """Length of the arrow along which a base looks (the file's +x)."""
 HINDERED = "#C9C9C9"
-"""Places in the table or in the organ."""
+"""Colour of places in the table or in the organ."""
 
 
 def draw_bases(path: Path, workcell: Workcell, found: BaseSearch, question: BaseQuestion) -> None:
-    """Writes the map of a search for a base as a PNG: the grid's places as squares, those of the refinement as dots."""
+    """Write the map of a search for a base as a PNG: the grid's places as squares, those of the refinement as dots."""
     figure, axes = new_figure(width_in=8.4, height_in=7.4, margins_in=(0.75, 1.1, 0.95, 0.8))
-    is_seen = question.objective == "seen"
-    measure, what = (
-        ("seen_fraction", "Organ's inside seen") if is_seen else ("reached_fraction", "Poses reached")
-    )
+    measure, what = "reached_fraction", "Poses reached"
+    if question.objective == "seen":
+        measure, what = "seen_fraction", "Organ's inside seen"
     scale = Normalize(0.0, max(*(getattr(candidate, measure) for candidate in found.asked), 1e-9))
     grid = [candidate for candidate in found.candidates if candidate.stage == "grid"]
     _squares(axes, grid, measure, scale, found.spacing_m * 1e3)
@@ -51,7 +50,7 @@ def draw_bases(path: Path, workcell: Workcell, found: BaseSearch, question: Base
 
 
 def _dots(axes: Axes, refined: list[Candidate], measure: str, scale: Normalize) -> None:
-    """The bases of the refinement."""
+    """Draw the bases of the refinement."""
     xy_mm = _xy_mm(refined)
     axes.scatter(
         xy_mm[:, 0],
@@ -67,7 +66,7 @@ def _dots(axes: Axes, refined: list[Candidate], measure: str, scale: Normalize) 
 
 
 def _organ(axes: Axes, workcell: Workcell) -> None:
-    """The organ's bounding box."""
+    """Draw the organ's bounding box."""
     low_mm, high_mm = workcell.placed.organ.bounds_m * 1e3
     (x_mm, y_mm), (width_mm, height_mm) = low_mm[:2], (high_mm - low_mm)[:2]
     box = Rectangle(
@@ -79,7 +78,7 @@ def _organ(axes: Axes, workcell: Workcell) -> None:
 
 
 def _squares(axes: Axes, grid: list[Candidate], measure: str, scale: Normalize, side_mm: float) -> None:
-    """The grid's places, each with the best value over its heights; grey where no height has room."""
+    """Draw the grid's places, each with the best value over its heights; grey where no height has room."""
     best: dict[tuple[float, float], float] = {}
     for candidate in grid:
         place = (round(candidate.stand.x_m * 1e3, 1), round(candidate.stand.y_m * 1e3, 1))
@@ -90,7 +89,7 @@ def _squares(axes: Axes, grid: list[Candidate], measure: str, scale: Normalize, 
 
 
 def _table(axes: Axes, workcell: Workcell) -> None:
-    """The outline of the table's top."""
+    """Draw the outline of the table's top."""
     table = workcell.scene.model.geom("table")
     (x_mm, y_mm), (half_x_mm, half_y_mm) = table.pos[:2] * 1e3, table.size[:2] * 1e3
     axes.add_patch(
@@ -111,7 +110,7 @@ def _table(axes: Axes, workcell: Workcell) -> None:
 
 
 def _mark(axes: Axes, candidate: Candidate, label: str, marker: str) -> None:
-    """A base with the direction it looks in."""
+    """Draw a base with the direction it looks in."""
     x_mm, y_mm = _xy_mm([candidate])[0]
     yaw_rad = candidate.stand.yaw_rad
     tip = (x_mm + ARROW_MM * np.cos(yaw_rad), y_mm + ARROW_MM * np.sin(yaw_rad))

@@ -1,4 +1,4 @@
-"""The coarse grid of a search for a base: places around the organ from which the arm could reach half of the poses."""
+"""The coarse grid of a search for a base: places around the organ from which the arm could reach most of the poses."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ N_HEIGHTS = 3
 PLACES_PER_HEIGHT = 25
 """With fewer places than this for each of them, the grid has fewer heights."""
 MIN_HEIGHT_STEP_M = 0.01
-"""Heights less apart than this are one height."""
+"""A range of heights that is narrower than this is one height."""
 SURVEY_SPACING_M = 0.06
 """Spacing of the places that are counted to choose the grid's own spacing [m]."""
 POSSIBLE_SHARE = 0.7
-"""A place counts from which the stretched arm is long enough for this share of the best place's poses."""
+"""A place counts where the stretched arm is long enough for at least this share of the poses of the best place."""
 MIN_HEADING_M = 0.05
-"""A tip at home nearer to the base's axis than this [m] looks nowhere."""
+"""An arm whose tip at home is nearer to the base's axis than this [m] looks in no direction."""
 
 
 class Stand(NamedTuple):
@@ -48,19 +48,19 @@ class Stand(NamedTuple):
         return base_frame((self.x_m, self.y_m, self.z_m), self.yaw_rad)
 
     def rounded(self) -> Stand:
-        """To 0.1 mm and 0.1 degrees, so that what is printed is what was asked; the yaw within half a turn."""
+        """The stand to 0.1 mm and 0.1 degrees, so that what is printed is what was tried; yaw within half a turn."""
         yaw_deg = round(float(np.rad2deg(self.yaw_rad)), 1)
         x_m, y_m, z_m = (round(float(value), 4) for value in self[:3])
         return Stand(x_m, y_m, z_m, float(np.deg2rad((yaw_deg + 180.0) % 360.0 - 180.0)))
 
     def in_millimetres(self) -> dict[str, Any]:
-        """The place of the base as an arm's options have it: `base_mm` [mm] and `base_yaw_deg` [degrees]."""
+        """The place of the base in the units of an arm's options: `base_mm` [mm] and `base_yaw_deg` [degrees]."""
         place_mm = [round(value * 1e3, 1) + 0.0 for value in self[:3]]
         return {"base_mm": place_mm, "base_yaw_deg": round(float(np.rad2deg(self.yaw_rad)), 1) + 0.0}
 
     @classmethod
     def from_millimetres(cls, place: Mapping[str, Any]) -> Stand:
-        """The stand that `in_millimetres` tells."""
+        """The stand that `in_millimetres` describes."""
         x_m, y_m, z_m = (value * 1e-3 for value in place["base_mm"])
         return cls(x_m, y_m, z_m, float(np.deg2rad(place["base_yaw_deg"])))
 
@@ -73,15 +73,16 @@ class Stand(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BaseGrid:
-    """Places on a square grid in a few heights, each turned so that the arm's home looks at the organ."""
+    """Places on a square grid in a few heights, each turned so that the arm at home looks at the organ."""
 
     stands: list[Stand]
-    """Those from which the arm could reach much."""
+    """Places from which the arm could reach much."""
     blocked: list[tuple[Stand, str]]
-    """Those among them that table or organ leave no room for, and what is in the way."""
+    """Further such places, for which table or organ leave no room, and what is in the way."""
     spacing_m: float
+    """Distance between neighbouring places of one height."""
     height_step_m: float
-    """Between neighbouring heights [m]; 0 where there is one."""
+    """Distance between neighbouring heights; the whole range where the grid has one height."""
 
 
 def base_grid(
@@ -91,15 +92,15 @@ def base_grid(
 
     Args:
         search: Solves for the arm.
-        poses: Where the arm shall get to.
+        poses: The poses that the arm is to reach.
         base_room: Tells where there is room for the base.
         height_m: Lowest and highest base [m, world].
-        n_wanted: Places to ask.
+        n_wanted: Places to try.
     """
     low_m, high_m = height_m
-    n_heights = (
-        1 if high_m - low_m < MIN_HEIGHT_STEP_M else int(np.clip(n_wanted // PLACES_PER_HEIGHT, 1, N_HEIGHTS))
-    )
+    n_heights = 1
+    if high_m - low_m >= MIN_HEIGHT_STEP_M:
+        n_heights = int(np.clip(n_wanted // PLACES_PER_HEIGHT, 1, N_HEIGHTS))
     heights_m = np.linspace(low_m, high_m, n_heights)
     at_origin = search.at_base(np.eye(4))
     area_m2 = len(_places(at_origin, poses, SURVEY_SPACING_M, heights_m)) * SURVEY_SPACING_M**2
@@ -118,7 +119,7 @@ def base_grid(
 def _places(
     at_origin: IkSearch, poses: Workspace, spacing_m: float, heights_m: NDArray[np.float64]
 ) -> list[Stand]:
-    """The places of a grid of this spacing, centred on the poses, from which the arm could reach enough of them."""
+    """The places of a grid around the poses from which the arm could reach enough of them."""
     centre_m, heading_rad = poses.positions_m.mean(axis=0), _home_heading_rad(at_origin)
     radius_m = at_origin.chain.hub_reach()[1] + abs(at_origin.chain.axis_hub()[0])
     n = int(radius_m / spacing_m)

@@ -1,9 +1,9 @@
 """Base placement: where an arm should stand to reach as much of a workspace as it can.
 
 The base stands upright; its place (x, y), height and yaw are searched. A coarse grid comes first: places around the
-organ, a few heights, the yaw that turns the arm's home towards the organ. Then rounds of refinement draw bases around
-the best few, ever closer. Every candidate is asked for the same poses, drawn by seed, with less effort than a study;
-the answers to more are for the study of the best base to give.
+organ, a few heights, the yaw that turns the arm at home towards the organ. Then rounds of refinement draw bases around
+the best few, ever closer. Every candidate is tried on the same poses, which are drawn by seed, with less effort than a
+study makes; the study of the best few bases then tries the whole workspace.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ from .pose_pool import forked_map
 from .workcell import Workcell
 
 QUICK_COMPARED, QUICK_RESTARTS = 2, 13
-"""Effort of a candidate: starts compared, and further ones before a pose is given up."""
+"""Effort of a candidate: starts that are compared, and starts after these before a pose is given up."""
 COARSE_SHARE = 0.6
-"""Of the candidates, so many are the coarse grid's."""
+"""Share of the candidates that the coarse grid gets."""
 N_ROUNDS, N_PARENTS = 4, 5
 """Rounds of refinement, and the best bases that each draws around."""
 YAW_SPREAD_RAD = np.deg2rad(60.0)
-"""Half of it is the standard deviation of the yaw in the first round, as half of the grid's steps is that of place and
-height; each round halves them again."""
+"""Half of it is the standard deviation of the yaw in the first round, and each round halves it again. For place and
+height the grid's steps take its place."""
 MAX_SEEN_POINTS = 4000
-"""Points of the organ's inside that stand for it where what the cones see is counted."""
+"""Most points that stand for the organ's inside, where what the cones see is counted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A base that was asked, or that there was no room for."""
+    """A base that was tried, or for which there was no room."""
 
     stand: Stand
     stage: str
     """`present`, `grid`, or `refined`."""
     obstacle: str = ""
-    """What the base would stand in; it was not asked then."""
+    """What the base would stand in, so that it was not tried; empty where there was room."""
     reached_fraction: float = np.nan
     """Share of the poses that are reached."""
     seen_fraction: float = np.nan
-    """Share of the organ's inside that the cone sees from those."""
+    """Share of the organ's inside that the cone sees from the reached poses."""
     mean_score: float = np.nan
-    """Mean over the poses of the score, 0 where not reached."""
+    """Mean of the score over all poses, with 0 for those that are not reached."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,18 +59,19 @@ class BaseSearch:
     """What a search for a base found."""
 
     candidates: list[Candidate]
-    """In the order asked, the present base first."""
+    """All candidates in the order in which they were tried, the present base first."""
     best: Candidate
-    """The one of the largest objective; of those alike the one of the highest mean score."""
+    """The candidate of the largest objective; among equals that of the highest mean score."""
     spacing_m: float
-    """Between neighbours of the coarse grid [m]."""
+    """Distance between neighbours of the coarse grid."""
     n_poses: int
+    """Number of poses that each candidate was tried on."""
     search_s: float
-    """Time that it took [s]."""
+    """Time that the search took."""
 
     @property
     def asked(self) -> list[Candidate]:
-        """The candidates that there was room for."""
+        """The candidates for which there was room, which were tried."""
         return [candidate for candidate in self.candidates if not candidate.obstacle]
 
 
@@ -79,16 +80,17 @@ class BaseQuestion:
     """How bases are searched."""
 
     n_bases: int = 200
-    """Candidates, the present base included."""
+    """Number of candidates, the present base included."""
     n_poses: int = 500
-    """Poses that each is asked for."""
+    """Number of poses that each candidate is tried on."""
     height_m: tuple[float, float] = (0.0, 0.3)
     """Lowest and highest base [m, world]."""
     objective: str = "poses"
     """`poses` for the share of poses reached, `seen` for the share of the organ's inside seen from them."""
     seed: int = 0
+    """Seed of the poses and of the refinement."""
     n_jobs: int = 1
-    """Processes; the answers do not depend on it."""
+    """Processes that share the work; the answers do not depend on it."""
 
     def merit(self, candidate: Candidate) -> tuple[float, float]:
         """What makes a base better than another."""
@@ -103,13 +105,13 @@ def search_base(
     *,
     on_progress: Callable[[int], object] = lambda n: None,
 ) -> BaseSearch:
-    """Ask many bases of an arm for poses of a workspace.
+    """The search for the best of many bases of an arm, each of which is tried on poses of a workspace.
 
     Args:
         workcell: Organ, workspace and arm; the place of its base is the first candidate.
         search: Solves for that arm where it stands.
         question: How to search.
-        on_progress: Called with the number of bases that were asked since the last call.
+        on_progress: Called with the number of bases that were tried since the last call.
     """
     start_s = perf_counter()
     draw_rng, refine_rng = np.random.default_rng(question.seed).spawn(2)
@@ -119,20 +121,17 @@ def search_base(
     n_coarse = max(round(COARSE_SHARE * question.n_bases), 1)
     grid = base_grid(judge.search, poses, base_room, question.height_m, n_wanted=n_coarse)
     present = Candidate(stand=Stand.of_frame(workcell.scene.T_world_base), stage="present")
-    candidates = [
-        present,
-        *(Candidate(stand=stand, stage="grid") for stand in grid.stands),
-    ]
+    candidates = [present, *(Candidate(stand=stand, stage="grid") for stand in grid.stands)]
     with forked_map(judge, n_jobs=question.n_jobs) as share:
 
-        def asked(bases: Sequence[Candidate]) -> Iterator[Candidate]:
+        def tried(bases: Sequence[Candidate]) -> Iterator[Candidate]:
             for candidate in share(bases):
                 on_progress(1)
                 yield candidate
 
-        found = list(asked(candidates))
+        found = list(tried(candidates))
         for bases in _refinements(found, grid, base_room, question, refine_rng):
-            found += asked(bases)
+            found += tried(bases)
     blocked = [Candidate(stand=stand, stage="grid", obstacle=text) for stand, text in grid.blocked]
     best = max(found, key=question.merit)
     return BaseSearch([*found, *blocked], best, grid.spacing_m, poses.n_poses, perf_counter() - start_s)
@@ -149,11 +148,11 @@ def _refinements(
     n_left = max(question.n_bases - len(found), 0)
     for number, count in enumerate(np.diff(np.linspace(0, n_left, N_ROUNDS + 1).astype(int)).tolist()):
         parents = sorted(found, key=question.merit, reverse=True)[:N_PARENTS]
-        spread = np.array([grid.spacing_m, grid.spacing_m, grid.height_step_m, YAW_SPREAD_RAD]) / 2.0 ** (
-            number + 1
-        )
+        spread = np.array([grid.spacing_m, grid.spacing_m, grid.height_step_m, YAW_SPREAD_RAD])
+        spread /= 2.0 ** (number + 1)
         children: list[Candidate] = []
-        for _ in range(20 * count):  # some are drawn where there is no room
+        # Some are drawn where there is no room.
+        for _ in range(20 * count):
             if len(children) == count:
                 break
             parent = parents[len(children) % len(parents)].stand
@@ -165,13 +164,13 @@ def _refinements(
 
 
 def _drawn_poses(workspace: Workspace, count: int, rng: np.random.Generator) -> Workspace:
-    """Poses of a workspace drawn without repetition, in the workspace's order."""
+    """Poses that are drawn from a workspace without repetition, in the workspace's order."""
     chosen = np.sort(rng.permutation(workspace.n_poses)[:count])
     return Workspace(workspace.positions_m[chosen], workspace.normals[chosen])
 
 
 class _Judge:
-    """Asks one base for the poses."""
+    """What tries a base on the poses."""
 
     def __init__(
         self, workcell: Workcell, search: IkSearch, poses: Workspace, rng: np.random.Generator

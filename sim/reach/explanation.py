@@ -22,7 +22,7 @@ ON_SURFACE_M = 1e-3
 
 @dataclass(frozen=True)
 class Explanation:
-    """What there is to say about a pose."""
+    """What can be said about a pose."""
 
     is_reached: bool
     text: str
@@ -32,11 +32,11 @@ class Explanation:
 def explain_pose(
     workcell: Workcell, position_m: ArrayLike, normal: ArrayLike, *, standoff_m: float
 ) -> Explanation:
-    """Solve a pose and say everything that a person needs to understand the answer.
+    """The answer to a pose, with everything that a person needs to understand it.
 
     Args:
         workcell: The organ before the arm.
-        position_m: Where the probe's tip shall touch, world frame [m], shape (3,).
+        position_m: Where the probe's tip is to touch, world frame [m], shape (3,).
         normal: Direction of the beam, into the organ, of any length but zero, shape (3,).
         standoff_m: The pose is approached from this far above it [m]; 0 solves for the pose only.
     """
@@ -58,7 +58,8 @@ def _explain(
         *_pose_lines(workcell, position_m, normal),
         f"answer           {'reached' if result.is_reached else 'not reached'}: {result.explain()}",
     ]
-    if result.n_iterations == 0:  # decided without a search: no joints are worth showing
+    if result.n_iterations == 0:
+        # The answer needed no search, so there are no joints to show.
         return Explanation(result.is_reached, "\n".join([*lines, "effort           none, decided at once"]))
     lines.append(f"position error   {result.position_error_m * 1e3:.3f} mm")
     lines.append(f"beam error       {np.rad2deg(result.angle_error_rad):.3f} degrees")
@@ -91,7 +92,7 @@ def _place(workcell: Workcell, position_m: NDArray[np.float64]) -> str:
 
 
 def _clearance(workcell: Workcell, clearances: Clearances, index: int) -> str:
-    """How far the closest pair is apart, and which it is."""
+    """The distance between the closest pair, and which pair that is."""
     contact_m, organ_m = float(clearances.contact_m[index]), float(clearances.organ_m[index])
     if min(contact_m, organ_m) >= FAR_M:
         return f"{FAR_M * 1e3:.0f} mm or more"

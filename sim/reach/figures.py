@@ -22,9 +22,9 @@ from .reachability import ReachStudy
 from .workcell import Workcell
 
 COLOURS = LinearSegmentedColormap.from_list("comfort", ["#F2E8C9", "#8CC6B0", "#2F8FA6", "#123F6B"])
-"""From pale (at a limit, or nearly touching) to dark blue (comfortable): the lightness alone tells the value."""
+"""From pale (at a limit, or nearly touching) to dark blue (comfortable): the lightness by itself tells the value."""
 BARE = "#DCDCDC"
-"""Of the surface that is no part of the workspace."""
+"""Colour of the surface that is no part of the workspace."""
 N_NEAR = 4
 """A face takes the mean score of this many nearest poses."""
 REACH_SPACINGS = 2.5
@@ -32,7 +32,7 @@ REACH_SPACINGS = 2.5
 
 
 def draw_reach(path: Path, organ: Solid, workspace: Workspace, study: ReachStudy) -> None:
-    """Writes the organ from above, coloured by score, with the poses that are not reached, as a PNG.
+    """Write the organ from above, coloured by score, with the poses that are not reached, as a PNG.
 
     Args:
         path: The file to write.
@@ -62,7 +62,7 @@ def draw_reach(path: Path, organ: Solid, workspace: Workspace, study: ReachStudy
 
 
 def draw_arms(path: Path, studies: Sequence[tuple[str, Workcell, ReachStudy]]) -> None:
-    """Writes the organ from above once for each arm, with its name and what it reaches, as a PNG."""
+    """Write the organ from above once for each arm, with its name and what it reaches, as a PNG."""
     n, panel_in = len(studies), 4.2
     height_in = _height_in(studies[0][1].placed.organ, panel_in)
     width_in = n * (panel_in + 0.55) + 1.3
@@ -101,7 +101,7 @@ def _score_bar(figure: Figure, axes: Axes) -> None:
 
 
 def _draw_organ(axes: Axes, organ: Solid, workspace: Workspace, study: ReachStudy) -> PathCollection:
-    """The organ from above coloured by score, and a dot for each pose that is not reached, which are returned."""
+    """Draw the organ from above, coloured by score, and return the dots of the poses that are not reached."""
     low_m, high_m = organ.bounds_m
     triangles_mm, colours = _upper_faces(organ, workspace, study)
     axes.add_collection(
@@ -118,7 +118,7 @@ def _draw_organ(axes: Axes, organ: Solid, workspace: Workspace, study: ReachStud
 def _upper_faces(
     organ: Solid, workspace: Workspace, study: ReachStudy
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Faces that point up, lowest first, in x and y [mm], shape (F, 3, 2), and their colours, shape (F, 4)."""
+    """The faces that point up, lowest first, in x and y [mm], shape (F, 3, 2), and their colours, shape (F, 4)."""
     corners_m = organ.vertices_m[organ.faces]
     slope = organ.face_normals()[:, 2]
     rows = np.flatnonzero(slope > 0.0)
@@ -136,7 +136,7 @@ def _upper_faces(
 
 
 def draw_reasons(path: Path, study: ReachStudy) -> None:
-    """Writes how many poses ended in each way as a PNG: bars, those that are not reached in their own colour."""
+    """Write how many poses ended in each way as a PNG of bars, in another colour where they are not reached."""
     reasons = study.reasons()
     names = list(reasons)[::-1]
     figure, axes = new_figure(

@@ -1,4 +1,4 @@
-"""The pool: processes that share the work of a study."""
+"""The processes that share the work of a study."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _work: dict[str, Callable[[Any], Any]] = {}
 def forked_map(
     work: Callable[[Any], Any], *, n_jobs: int
 ) -> Iterator[Callable[[Sequence[Any]], Iterator[Any]]]:
-    """A `map` of one function over processes, as a context manager; results come in order.
+    """A context with a `map` of one function over processes, whose results come in order.
 
     Args:
-        work: What is done with each item; the items and the results are sent, what it closes over is inherited.
-        n_jobs: Processes; one, or a system that cannot fork, works in this process.
+        work: What is done with each item. Items and results are sent; what the function closes over is inherited.
+        n_jobs: Processes; with one, or on a system that cannot fork, this process does the work.
     """
     if n_jobs <= 1 or "fork" not in multiprocessing.get_all_start_methods():
         yield lambda items: map(work, items)
@@ -36,12 +36,12 @@ def forked_map(
 def chunk_answers(
     search: IkSearch, workspace: Workspace, chunks: Sequence[slice], *, n_jobs: int
 ) -> Iterator[Iterator[Answers]]:
-    """An iterator over the answers to chunks of a workspace's poses, in order, as a context manager.
+    """A context with an iterator over the answers to chunks of a workspace's poses, in order.
 
     Args:
         search: Solves for the arm.
         workspace: The poses.
-        chunks: Which of them belong together.
+        chunks: Which of the poses are solved together.
         n_jobs: Processes that share the chunks.
     """
 
@@ -53,7 +53,7 @@ def chunk_answers(
 
 
 def _begin(work: Callable[[Any], Any]) -> None:
-    """Keep in a worker what it does."""
+    """Keep what a worker process does with its items."""
     _work["do"] = work
 
 

@@ -1,4 +1,4 @@
-"""Reachability: every pose of a workspace asked of an arm, with how well each is reached or why not."""
+"""Reachability: how well an arm reaches each pose of a workspace, or why it does not."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .pose_pool import chunk_answers
 from .regions import contact_regions
 
 TILT_STEPS = 2
-"""Tilts tried of a pose that is not reached: half of the largest, and the largest."""
+"""Tilts that are tried of a pose that is not reached: half of the largest, and the largest."""
 TILT_AZIMUTHS = 6
-"""Directions around the normal that each tilt is tried in."""
+"""Directions around the normal in which each tilt is tried."""
 TILT_RESTARTS = 12
-"""Further starts of a tilted pose; with a dozen directions each, fewer than for an upright one."""
+"""Starts of a tilted pose after the first: with a dozen directions for each pose, fewer than for an upright one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ class ReachStudy:
     region: NDArray[np.int64]
     """Connected region, 0 the largest, -1 where not reached, shape (N,)."""
     tilt_rad: NDArray[np.float64]
-    """The least tilt tried at which the pose is reached [rad], 0 for an upright one, NaN for none, shape (N,)."""
+    """The least tilt tried at which the pose is reached [rad], 0 without a tilt, NaN where it is not, shape (N,)."""
     search_s: float
-    """Time that asking every pose took [s], regions and tilts not counted."""
+    """Time that the search took for all poses, regions and tilts not counted."""
 
     def reasons(self) -> dict[str, int]:
-        """How many poses ended in each way, the most frequent first."""
+        """The number of poses that ended in each way, the most frequent first."""
         names = [result.status.name.lower() for result in self.results]
         counts = {status.name.lower(): names.count(status.name.lower()) for status in IkStatus}
         return dict(sorted(((k, v) for k, v in counts.items() if v), key=lambda item: -item[1]))
@@ -64,21 +64,21 @@ def study_reach(
     n_jobs: int = 1,
     show_progress: bool = False,
 ) -> ReachStudy:
-    """Ask every pose of a workspace of an arm.
+    """The study of an arm on every pose of a workspace.
 
     Args:
         search: Solves for the arm.
         workspace: The poses.
-        max_tilt_rad: Poses that are not reached are asked for again with the beam tilted off the normal by up to this
+        max_tilt_rad: Poses that are not reached are tried again with the beam tilted off the normal by up to this
             [rad], in [0, pi/2).
         n_jobs: Processes that share the poses; the answers do not depend on it.
-        show_progress: Draw a progress bar on stderr.
+        show_progress: Whether a progress bar is drawn on stderr.
 
     Raises:
-        ValueError: A tilt out of range.
+        ValueError: The tilt is out of range.
     """
     if not 0.0 <= max_tilt_rad < np.pi / 2:
-        raise ValueError(f"max_tilt_rad={max_tilt_rad}: from 0 to below pi/2.")
+        raise ValueError(f"max_tilt_rad={max_tilt_rad}: must be from 0 to below pi/2.")
     start_s = perf_counter()
     answers = _search_all(search, workspace, n_jobs, show_progress)
     search_s = perf_counter() - start_s
@@ -100,12 +100,12 @@ def study_reach(
 
 
 def reached_fraction(search: IkSearch, workspace: Workspace, *, n_jobs: int = 1) -> float:
-    """The share of a workspace's poses that an arm reaches, and nothing else about them."""
+    """The share of a workspace's poses that an arm reaches."""
     return float(_search_all(search, workspace, n_jobs, show_progress=False).is_reached.mean())
 
 
 def _search_all(search: IkSearch, workspace: Workspace, n_jobs: int, show_progress: bool) -> Answers:
-    """Every pose by chunks, which are the same for any number of processes, and so are the answers."""
+    """The answers to every pose. Chunks are the same for any number of processes, and so are the answers."""
     chunks = [slice(first, first + CHUNK) for first in range(0, workspace.n_poses, CHUNK)]
     parts: list[Answers] = []
     with (

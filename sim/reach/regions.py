@@ -11,7 +11,7 @@ from sim.world.ik.damped_least_squares import descend
 from sim.world.ik.search import IkSearch
 
 N_NEIGHBOURS = 8
-"""Nearest poses that count as neighbours: those around a pose of a grid."""
+"""Nearest poses that count as neighbours: as many as stand around a pose of a grid."""
 MAX_GAP = 3.0
 """Neighbours are at most this many times the median spacing away."""
 MAX_MOVE_RAD = 0.35
@@ -36,7 +36,7 @@ def contact_regions(
         workspace: The N poses.
         q: Joint positions of the chain at the poses, shape (N, n).
         is_reached: Which poses are reached, shape (N,).
-        score: Where regions start: at the highest, shape (N,).
+        score: Score of each pose, shape (N,); regions start at the highest.
     """
     neighbours = _neighbours(workspace)
     region = np.full(workspace.n_poses, -1, dtype=np.int64)
@@ -49,7 +49,8 @@ def contact_regions(
             pairs = [(a, int(b)) for a in front for b in neighbours[a] if is_reached[b] and region[b] < 0]
             front = []
             while pairs:
-                taken = {b: a for a, b in reversed(pairs)}  # one move to each neighbour at a time
+                # One move to each neighbour is tried at a time.
+                taken = {b: a for a, b in reversed(pairs)}
                 to, origin = (np.array(ends, dtype=np.int64) for ends in (list(taken), list(taken.values())))
                 moved, is_joined = _move(search, workspace, carried[origin], to)
                 carried[to[is_joined]], region[to[is_joined]] = moved[is_joined], n_regions
@@ -62,7 +63,7 @@ def contact_regions(
 def _move(
     search: IkSearch, workspace: Workspace, q: NDArray[np.float64], to: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Where small steps from configurations to poses end, and which of them are fit to be taken."""
+    """The configurations in which small steps to poses end, and which of these steps can be taken."""
     settings = search.settings
     end = descend(
         search.chain,
@@ -74,20 +75,21 @@ def _move(
         max_steps=12,
         centring_gain=0.02,
     )
-    is_there = (end.distance_m <= settings.position_tolerance_m) & (
-        end.angle_rad <= settings.angle_tolerance_rad
-    )
+    is_near = end.distance_m <= settings.position_tolerance_m
+    is_aligned = end.angle_rad <= settings.angle_tolerance_rad
     is_small = np.abs(end.q - q).max(axis=1) <= MAX_MOVE_RAD
-    return end.q, is_there & is_small & search.meter.measure(search.chain.full(end.q)).is_free
+    is_free = search.meter.measure(search.chain.full(end.q)).is_free
+    return end.q, is_near & is_aligned & is_small & is_free
 
 
 def _neighbours(workspace: Workspace) -> list[list[int]]:
-    """Indices of the poses next to each pose."""
+    """The indices of the poses next to each pose."""
     count = min(N_NEIGHBOURS, workspace.n_poses - 1)
     if count < 1:
         return [[] for _ in range(workspace.n_poses)]
     found = KDTree(workspace.positions_m).query(workspace.positions_m, k=count + 1)
-    away_m, index = (np.asarray(part)[:, 1:] for part in found)  # the first is the pose itself
+    # The nearest pose is the pose itself.
+    away_m, index = (np.asarray(part)[:, 1:] for part in found)
     limit_m = MAX_GAP * float(np.median(away_m[:, 0]))
     return [row[near <= limit_m].tolist() for row, near in zip(index, away_m, strict=True)]
 

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.notices import Notify, print_notice
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch
@@ -32,12 +32,12 @@ from .tables import base_rows, base_summary, check_parquet, study_rows, study_su
 from .workcell import Workcell, build_workcell
 
 N_FINALISTS = 3
-"""The best bases of a search that are asked for the whole workspace."""
+"""Number of the best bases of a search that are tried on the whole workspace."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ArmStudy:
-    """What was found of one arm, for those who compare."""
+    """What a study found about one arm, for a comparison of arms."""
 
     name: str
     workcell: Workcell
@@ -52,19 +52,19 @@ class StudySettings:
     max_tilt_rad: float = 0.0
     """Poses that are not reached are tried again with the beam tilted off the normal by up to this [rad]."""
     max_restarts: int = 40
-    """Further starts before a pose is called unreachable."""
+    """Starts after the first before a pose is called unreachable."""
     seed: int = 0
-    """Of the set of starts, and of the search for a base."""
+    """Seed of the set of starts, and of the search for a base."""
     n_jobs: int = 2
     """Processes that share the poses; the answers do not depend on it."""
     base: BaseQuestion | None = None
-    """Search also where the base should stand; None for no search."""
+    """How to search the best place of the base; None for no search."""
     writes_parquet: bool = False
-    """Write reach.parquet beside reach.csv."""
+    """Whether reach.parquet is written beside reach.csv."""
     overwrite: bool = False
-    """Replace a study that the folder already holds."""
+    """Whether a study that the folder already holds is replaced."""
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    """What config.json keeps of the call, as plain data."""
+    """The options that config.json keeps, as plain data."""
 
 
 def reach_study(
@@ -77,35 +77,36 @@ def reach_study(
     notify: Notify = print_notice,
     **changes: Any,
 ) -> dict[str, Any]:
-    """Study which sensing poses of a scenario an arm reaches, and write the folder of it; returns the summary.
+    """Study which sensing poses of a scenario an arm reaches, write the study's folder, and return its summary.
 
     Args:
-        scenario: The case, or what names it.
-        arm: The arm where it stands, or what names it.
+        scenario: The scenario, its name, or the path of its file.
+        arm: The arm where it stands, its name, or the path of its file.
         out: The folder.
-        settings: How it is studied.
-        name: What to call the arm; by default what names it, or its file.
-        notify: Tells a notice; on stderr by default.
+        settings: How the arm is studied.
+        name: What to call the arm; by default its own name, or that of its file.
+        notify: Tells a notice; by default on stderr.
         changes: Fields of `StudySettings` by name, in place of those of `settings`.
 
     Raises:
-        UsageError, WorldError: Something cannot be done; nothing was written then.
+        UsageError, WorldError: Something cannot be done, and nothing was written.
     """
     settings = dataclasses.replace(settings or StudySettings(), **changes)
     check_out_folder(Path(out), overwrite=settings.overwrite)
     if settings.writes_parquet:
         check_parquet()
-    case = load_scenario(scenario) if isinstance(scenario, str) else scenario
+    scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
     model = named_arm(arm) if isinstance(arm, str) else arm
     called = name or (arm if isinstance(arm, str) else model.path.stem)
-    with threadpool_limits(limits=1):  # two BLAS pools on two threads fight
-        return study_arm(build_workcell(case, model), settings, called, Path(out), notify).summary
+    # BLAS pools of several processes would slow each other down.
+    with threadpool_limits(limits=1):
+        return study_arm(build_workcell(scenario, model), settings, called, Path(out), notify).summary
 
 
 def study_arm(
     workcell: Workcell, settings: StudySettings, name: str, out: Path, notify: Notify = print_notice
 ) -> ArmStudy:
-    """Study the arm of a workcell and write the folder of it."""
+    """Study the arm of a workcell, write the study's folder, and return the study."""
     start_s = perf_counter()
     search = workcell.make_search(IkSettings(max_restarts=settings.max_restarts, start_seed=settings.seed))
     with RunFolder(out, overwrite=settings.overwrite) as folder:
@@ -162,7 +163,7 @@ def _summary(
 def _search_base(
     workcell: Workcell, search: IkSearch, question: BaseQuestion, folder: RunFolder, present_fraction: float
 ) -> dict[str, Any]:
-    """Search the best place of the base, write its table and map, and ask that place for the whole workspace."""
+    """Search the best place of the base, write the table and the map of the search, and return its summary."""
     with tqdm(total=question.n_bases, desc="bases", unit="base") as progress:
         found: BaseSearch = search_base(workcell, search, question, on_progress=progress.update)
     found, best_reached_fraction = _decided(found, question, workcell, search, present_fraction)
@@ -179,12 +180,12 @@ def _decided(
 ) -> tuple[BaseSearch, float]:
     """The search with its best base decided by the whole workspace, and the share that is reached from there.
 
-    What a sample of the poses cannot tell apart is asked again with a study's effort: the best few. The present base
-    counts as the study found it. Where the objective is what is seen, the sample's best stands.
+    The best few, which a sample of the poses cannot tell apart, are tried again with a study's effort. The present base
+    counts as the study found it. Where the objective is what is seen, the best by the sample stands.
     """
     present = found.candidates[0]
-    n_asked = N_FINALISTS if question.objective == "poses" else 1
-    finalists = sorted(found.asked, key=question.merit, reverse=True)[:n_asked]
+    n_tried = N_FINALISTS if question.objective == "poses" else 1
+    finalists = sorted(found.asked, key=question.merit, reverse=True)[:n_tried]
     shares = {present: present_fraction} if question.objective == "poses" or present in finalists else {}
     for candidate in finalists:
         if candidate is not present:
@@ -195,7 +196,7 @@ def _decided(
 
 
 def _why_nothing(workcell: Workcell, study: ReachStudy) -> str:
-    """Of a study that reaches nothing: where the organ lies and how large it is, or what stands in the way."""
+    """Why a study reaches nothing: where the organ lies and how large it is, or what stands in the way."""
     if next(iter(study.reasons())) != IkStatus.TOO_FAR.name.lower():
         details = [result.detail for result in study.results]
         return f"For example: {max(details, key=details.count)}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from mapping.storage import replacing
 from sim.errors import UsageError
+from sim.record.step_files import place_of
 from sim.world.ik.chain import Chain
 
 from .base_search import BaseSearch
@@ -19,7 +20,7 @@ Row = dict[str, Any]
 
 
 def study_rows(study: ReachStudy, workcell: Workcell, chain: Chain) -> list[Row]:
-    """The table of a study: one row per pose, empty cells where there is no value."""
+    """The table of a study: one row per pose, with None where there is no value."""
     workspace, rows = workcell.workspace, []
     joints = [
         f"{name}_{'m' if is_slide else 'rad'}"
@@ -29,8 +30,7 @@ def study_rows(study: ReachStudy, workcell: Workcell, chain: Chain) -> list[Row]
         q = result.q[chain.columns] if result.is_reached else np.full(chain.n_joints, np.nan)
         row = {
             "pose_index": pose,
-            **{f"position_{axis}_m": workspace.positions_m[pose, i] for i, axis in enumerate("xyz")},
-            **{f"normal_{axis}": workspace.normals[pose, i] for i, axis in enumerate("xyz")},
+            **place_of(workspace, pose),
             "is_reached": result.is_reached,
             "reason": result.status.name.lower(),
             "detail": result.detail,
@@ -51,7 +51,7 @@ def study_rows(study: ReachStudy, workcell: Workcell, chain: Chain) -> list[Row]
 
 
 def base_rows(found: BaseSearch) -> list[Row]:
-    """The table of a search for a base: one row per candidate; those without room were not asked."""
+    """The table of a search for a base: one row per candidate, also for those without room, which were not tried."""
     rows = []
     for index, candidate in enumerate(found.candidates):
         row = {
@@ -102,7 +102,7 @@ def base_summary(found: BaseSearch, *, best_reached_fraction: float) -> Row:
 
     Args:
         found: The search.
-        best_reached_fraction: What the best base reaches of the whole workspace, with a study's effort.
+        best_reached_fraction: Share of the whole workspace that the best base reaches, with a study's effort.
     """
     present, best = found.candidates[0], found.best
     return {
@@ -123,18 +123,18 @@ def base_summary(found: BaseSearch, *, best_reached_fraction: float) -> Row:
 
 
 def check_parquet() -> None:
-    """Nothing, if Parquet can be written.
+    """Check that Parquet can be written.
 
     Raises:
-        UsageError: The package that does is not installed.
+        UsageError: The package for it is not installed.
     """
     _parquet_modules()
 
 
 def write_parquet(path: Path, rows: list[Row]) -> None:
-    """Write rows as Parquet, at once: a reader sees the whole file or none."""
+    """Write rows as Parquet at once: a reader sees the whole file or none."""
     pyarrow, parquet = _parquet_modules()
-    table = pyarrow.Table.from_pylist([_plain(row) for row in rows])
+    table = pyarrow.Table.from_pylist([_with_python_values(row) for row in rows])
     kinds = [
         field.with_type(pyarrow.float64()) if field.type == pyarrow.null() else field
         for field in table.schema
@@ -152,8 +152,8 @@ def _parquet_modules() -> tuple[Any, Any]:
     return pyarrow, parquet
 
 
-def _plain(row: Row) -> Row:
-    """A row whose numbers and truths are Python's own, which pyarrow needs to infer the columns' types."""
+def _with_python_values(row: Row) -> Row:
+    """A row whose numbers and booleans are Python's own, from which pyarrow can infer the columns' types."""
     return {key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()}
 
 

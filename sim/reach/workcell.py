@@ -1,4 +1,4 @@
-"""The operating workcell: an organ in place before an arm, for programs that ask the arm alone."""
+"""The workcell: an organ in place before an arm, for studies of the arm without a probe's sensing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ORGAN_MARGIN_M = 0.04
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Workcell:
-    """An organ in place, its workspace, and the arm that shall reach it."""
+    """An organ in place, its workspace, and the arm that is to reach it."""
 
     scenario: Scenario
     placed: PlacedOrgan
@@ -39,7 +39,7 @@ class Workcell:
 
     @cached_property
     def workspace(self) -> Workspace:
-        """The scenario's sensing poses, made when first asked for."""
+        """The scenario's sensing poses, made on first use."""
         return make_workspace(self.scenario, self.placed)
 
     def with_arm(self, arm: ArmModel) -> Workcell:
@@ -58,10 +58,10 @@ class Workcell:
 
 
 def build_workcell(scenario: Scenario, arm: ArmModel) -> Workcell:
-    """Load and place a scenario's organ before an arm.
+    """The workcell of a scenario, whose organ is loaded and placed before an arm.
 
     Raises:
-        WorldError: A mesh or an arm that cannot be used.
+        WorldError: A mesh or the arm cannot be used.
     """
     placed, notices = placed_organ(scenario, arm)
     scene = _scene(scenario, placed, arm)

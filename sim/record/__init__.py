@@ -1,1 +1,1 @@
-"""The folder of a run: written as the run goes, so that an end at any moment leaves a valid one, and read back."""
+"""The folder of a run: how it is written as the run goes, so that it is valid at any moment, and read back."""

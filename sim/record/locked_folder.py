@@ -1,51 +1,33 @@
-"""A claimed folder: one process owns it while it is open, and every file in it is replaced whole or not at all."""
+"""Locked folders, which one process owns while it holds them open."""
 
 from __future__ import annotations
 
 import fcntl
-import os
 from pathlib import Path
 
 from sim.closeable import Closeable
 from sim.errors import UsageError
 
-MANIFEST = "manifest.json"
-"""The file that makes a folder a run."""
-LOCK = ".lock"
-
-
-def check_out_folder(path: Path, *, overwrite: bool) -> None:
-    """Nothing, if a run may be written to a folder; called early, so that no work is lost on a bad folder.
-
-    Raises:
-        UsageError: The path is a file, is not writable, or holds a run and `overwrite` is not set.
-    """
-    if path.exists() and not path.is_dir():
-        raise UsageError(f"{path}: is a file, not a folder. Choose another `out`.")
-    existing = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise UsageError(f"{path}: cannot write there (no permission in {existing}). Choose another `out`.")
-    if (path / MANIFEST).exists() and not overwrite:
-        raise UsageError(
-            f"{path}: already holds a run. Choose another `out`, or add `overwrite` to replace it."
-        )
+from .ownership import LOCK, MANIFEST, check_out_folder
 
 
 class LockedFolder(Closeable):
     """A folder that is locked while it is open; the system frees the lock of a process that is killed."""
 
-    def __init__(self, path: Path, *, what: str, overwrite: bool) -> None:
+    def __init__(self, path: Path, *, what: str, overwrite: bool, marker: str = MANIFEST) -> None:
         """Make and lock a folder.
 
         Args:
             path: The folder.
-            what: Who may be writing there already, for the message: a `run`, a `campaign`.
+            what: What may be writing there already, for the error's text: a `run`, a `campaign`.
             overwrite: Whether a folder that holds a run may be taken.
+            marker: The JSON file by which the program knows a folder of its own.
 
         Raises:
-            UsageError: It holds a run, belongs to a running process, or cannot be written.
+            UsageError: The folder holds a run or files that are not ours, belongs to a running process, or cannot be
+                written.
         """
-        check_out_folder(path, overwrite=overwrite)
+        check_out_folder(path, overwrite=overwrite, marker=marker)
         self.path = path
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -61,5 +43,5 @@ class LockedFolder(Closeable):
             raise UsageError(f"{path}: another {what} is writing there. Choose another `out`.") from error
 
     def close(self) -> None:
-        """Let the folder go."""
+        """Unlock the folder."""
         self._lock.close()

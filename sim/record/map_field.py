@@ -13,9 +13,9 @@ Axes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 SURE = 1e-7
 """Probabilities are kept this far from 0 and 1, whose log-odds are infinite."""
 CALLED_FROM = 0.5
-"""The map calls tumour what is more likely so than not ..."""
+"""The probability from which a map calls a point tumour: it is then more likely tumour than not."""
 ABOVE_PRIOR = 0.2
-"""... and, where half of the organ is expected to be tumour before anything is sensed, what is this much likelier."""
+"""How much likelier than the prior a point has to be, where the prior would raise that probability."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +25,11 @@ class MapField:
     axes_m: Axes
     """Coordinates along x, y and z [m]."""
     log_odds: NDArray[np.float64]
-    """Shape (X, Y, Z); outside the organ that of the nearest point inside."""
+    """Log-odds of tumour, shape (X, Y, Z); outside the organ those of the nearest point inside."""
     is_inside: NDArray[np.bool_]
     """Which points lie in the organ, shape (X, Y, Z)."""
     is_tumour: NDArray[np.bool_]
-    """The truth, shape (X, Y, Z)."""
+    """Which points lie in a tumour in truth, shape (X, Y, Z)."""
 
     @classmethod
     def from_probability(
@@ -39,7 +39,7 @@ class MapField:
         is_inside: NDArray[np.bool_],
         is_tumour: NDArray[np.bool_],
     ) -> MapField:
-        """The field of probabilities, which may be NaN outside the organ; all of shape (X, Y, Z)."""
+        """The field of a map's probabilities, which may be NaN outside the organ; all arrays have shape (X, Y, Z)."""
         if probability.shape != tuple(len(axis) for axis in axes_m) or probability.shape != is_inside.shape:
             raise ValueError(f"a map of shape {probability.shape} does not fit its axes")
         if not is_inside.any() or not np.isfinite(probability[is_inside]).all():
@@ -50,33 +50,37 @@ class MapField:
 
     @property
     def n_inside(self) -> int:
-        """How many points lie in the organ."""
+        """The number of points in the organ."""
         return int(self.is_inside.sum())
 
     @property
+    def low_m(self) -> NDArray[np.float64]:
+        """The first point of the lattice [m], shape (3,)."""
+        return np.array([axis[0] for axis in self.axes_m])
+
+    @property
     def cell_m(self) -> NDArray[np.float64]:
-        """Spacing along each axis, shape (3,); 0 along an axis of one point."""
+        """The spacing along each axis [m], shape (3,); 0 along an axis of one point."""
         return np.array([axis[1] - axis[0] if len(axis) > 1 else 0.0 for axis in self.axes_m])
 
     def indices_of(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Fractional indices of points, shape (N, 3)."""
-        low_m = np.array([axis[0] for axis in self.axes_m])
+        """The fractional indices of points, shape (N, 3)."""
         cell_m = np.where(self.cell_m > 0, self.cell_m, 1.0)
-        return (points_m - low_m) / cell_m
+        return (points_m - self.low_m) / cell_m
 
     def nearest(self, points_m: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Indices of the lattice point nearest to each point, shape (N, 3)."""
+        """The indices of the lattice point nearest to each point, shape (N, 3)."""
         rounded = np.rint(self.indices_of(points_m)).astype(np.intp)
         return np.clip(rounded, 0, np.array(self.log_odds.shape) - 1)
 
     def at(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Log-odds between the lattice's points by cubic interpolation, shape (N,)."""
+        """The log-odds between the lattice's points by cubic interpolation, shape (N,)."""
         places = self.indices_of(points_m).T
         return map_coordinates(self.log_odds, places, order=3, mode="nearest")
 
 
 def extended(values: NDArray[np.float64], is_inside: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Values with those outside replaced by that of the nearest point inside, shape (X, Y, Z)."""
+    """The values, with that of the nearest point inside in the place of each outside, shape (X, Y, Z)."""
     _, nearest = distance_transform_edt(~is_inside, return_indices=True)  # pyright: ignore[reportGeneralTypeIssues]
     return values[tuple(nearest)]
 
@@ -88,8 +92,6 @@ def called_from(prior_prevalence: float) -> float:
         prior_prevalence: Share of the organ that the map expects to be tumour before anything is sensed. Where that is
             a half, as in the paper, all that was never sensed would be called tumour from 0.5 on.
     """
-    return (
-        CALLED_FROM
-        if prior_prevalence <= CALLED_FROM - ABOVE_PRIOR
-        else min(prior_prevalence + ABOVE_PRIOR, 0.95)
-    )
+    if prior_prevalence <= CALLED_FROM - ABOVE_PRIOR:
+        return CALLED_FROM
+    return min(prior_prevalence + ABOVE_PRIOR, 0.95)

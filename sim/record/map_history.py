@@ -18,21 +18,23 @@ TUMOURS, TARGETS = "log_odds", "target_log_odds"
 LOG_ODDS_STEP = 0.05
 """Log-odds of one step of the byte: a probability near 0.5 is kept to 0.6 %, and the ends are 0.2 % and 99.8 %."""
 MOST_STEPS = 127
+"""Steps to either side of 0 that the byte holds."""
 N_KEPT = 200
-"""Every action is kept up to this one, then each tenth: a run of thousands keeps a disk's worth of maps else."""
+"""The map is kept after every action up to this one, then after each tenth: thousands of maps would fill a disk."""
 STRIDE = 10
+"""Actions from one kept map to the next, after the first `N_KEPT`."""
 
 
 def write_history(
     folder: RunFolder, step: int, log_odds: ArrayLike, target_log_odds: ArrayLike | None = None
 ) -> None:
-    """Write the map after an action to maps/<step>.npz, unless the action is one that is left out.
+    """Write the map after an action to maps/<step>.npz, unless the action is among those left out.
 
     Args:
         folder: The run's folder.
         step: The action, from 0 (before the first).
         log_odds: Log-odds of the probability at the search points, shape (M,).
-        target_log_odds: The same of a second class's map, where there is one.
+        target_log_odds: The same for the map of a second class, where there is one.
     """
     if step <= N_KEPT or step % STRIDE == 0:
         maps = {TUMOURS: to_bytes(log_odds)}
@@ -42,11 +44,11 @@ def write_history(
 
 
 def read_history(folder: Path, of: str = TUMOURS) -> dict[int, NDArray[np.float32]]:
-    """Log-odds at the search points by action, in order; empty where none were kept.
+    """The log-odds at the search points by action, in order; empty where no map was kept.
 
     Args:
-        folder: The run's.
-        of: Whose map: `TUMOURS` or `TARGETS`.
+        folder: The run's folder.
+        of: Which map: `TUMOURS` or `TARGETS`.
 
     Raises:
         UsageError: A file is broken.

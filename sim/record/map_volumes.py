@@ -37,7 +37,7 @@ COMPRESSION = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Mapped:
-    """What a map is of."""
+    """A class of bodies that a map is of."""
 
     noun: str
     """What it is called."""
@@ -101,7 +101,7 @@ def maps_in(arrays: Mapping[str, NDArray[Any]], target_name: str | None) -> list
 def map_volumes(
     arrays: MapArrays, T_world_organ: ArrayLike, *, threshold: float = THRESHOLD
 ) -> dict[str, bytes]:
-    """Files by name, with their contents; the same map gives the same bytes.
+    """The files of a map by name, with their contents; the same map gives the same bytes.
 
     Args:
         arrays: The map.
@@ -128,7 +128,7 @@ def map_volumes(
 
 
 def affine_ras_mm(arrays: MapArrays, T_world_organ: ArrayLike) -> NDArray[np.float64]:
-    """Map of the lattice's indices to NIfTI's coordinates, RAS [mm], shape (4, 4).
+    """The transform from the lattice's indices to NIfTI's coordinates, RAS [mm], shape (4, 4).
 
     Raises:
         ValueError: The lattice's steps are not even.

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from mapping.storage import replacing
 from sim.errors import UsageError
 from sim.tables import read_rows
+from sim.world.frames import quaternion_matrix
 
 POSES_CSV, POSES_JSON = "poses.csv", "poses.json"
 FRAMES = {
@@ -32,11 +33,11 @@ QUATERNION_ORDER = "wxyz"
 def pose_row(
     step: int, pose_index: int, T_world_probe: ArrayLike, T_world_organ: ArrayLike
 ) -> dict[str, float | int]:
-    """One row of poses.csv: where the probe really was, in the world and in the organ's frame.
+    """A row of poses.csv: where the probe really was, in the world and in the organ's frame.
 
     Args:
         step: The action, from 1.
-        pose_index: Of the workspace.
+        pose_index: Index of the pose in the workspace.
         T_world_probe: The tip's frame, shape (4, 4).
         T_world_organ: The organ's frame, shape (4, 4).
     """
@@ -100,17 +101,16 @@ def _pose_of(row: Mapping[str, Any], name: str) -> dict[str, list[float]]:
 
 
 def _wxyz(T: NDArray[np.float64]) -> list[float]:
-    """The rotation of a transform as a unit quaternion of w >= 0."""
+    """The rotation of a transform as a unit quaternion with w >= 0."""
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(T[:3, :3]).ravel())
     return (quaternion if quaternion[0] >= 0 else -quaternion).tolist()
 
 
 def _matrix(row: Mapping[str, float]) -> NDArray[np.float64]:
-    T, R = np.eye(4), np.empty(9)
-    quaternion = np.array([row[f"T_world_probe_quaternion_{axis}"] for axis in "wxyz"])
-    mujoco.mju_quat2Mat(R, quaternion)
-    T[:3, :3] = R.reshape(3, 3)
+    """The T_world_probe of a row, shape (4, 4)."""
+    T = np.eye(4)
+    T[:3, :3] = quaternion_matrix([row[f"T_world_probe_quaternion_{axis}"] for axis in "wxyz"])
     T[:3, 3] = [row[f"T_world_probe_position_{axis}_m"] for axis in "xyz"]
     return T
 

@@ -20,30 +20,30 @@ from sim.world.scene.arm import ArmModel
 from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
-from .locked_folder import MANIFEST
+from .ownership import check_run_folder
 from .trajectories import read_anatomy, read_motions
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
-    """A run as it was recorded."""
+    """The states of a run and the scene around them."""
 
     folder: Path
     scene: Scene
     motions: dict[int, Motion]
-    """By step, in order."""
+    """The motion of each step, in order."""
     sensing_s: float
     """How long the probe stays at the end of each motion."""
     sensed_m: NDArray[np.float64]
-    """The poses' positions, shape (n_steps, 3) [m]."""
+    """Positions of the poses that were sensed, shape (n_steps, 3) [m]."""
 
     @property
     def duration_s(self) -> float:
-        """Modelled time of the whole procedure."""
+        """The modelled time of the whole procedure [s]."""
         return sum(motion.motion_s + self.sensing_s for motion in self.motions.values())
 
     def at(self, time_s: float) -> tuple[int, NDArray[np.float64]]:
-        """The step at a time of the procedure, and the last state recorded until then."""
+        """The step at a time of the procedure, and the last state that was recorded before it."""
         steps = list(self.motions)
         ends_s = np.cumsum([motion.motion_s + self.sensing_s for motion in self.motions.values()])
         row = min(int(np.searchsorted(ends_s, time_s, side="right")), len(steps) - 1)
@@ -54,10 +54,10 @@ class Recording:
 
 
 def read_recording(folder: Path) -> Recording:
-    """Read a run's folder.
+    """The recording in a run's folder.
 
     Raises:
-        UsageError: It is not the folder of an episode, or one of its files is missing or broken.
+        UsageError: The folder is not that of an episode, or one of its files is missing or broken.
         WorldError: The arm's file is gone.
     """
     config = _config(folder)
@@ -84,7 +84,7 @@ def read_recording(folder: Path) -> Recording:
 
 
 def _arm(options: dict[str, Any]) -> ArmModel:
-    """The arm of a run where it stood."""
+    """The arm of a run, at the place where it stood."""
     x_mm, y_mm, z_mm = options["base_mm"]
     return named_arm(
         options["arm"],
@@ -104,8 +104,7 @@ def set_state(scene: Scene, data: mujoco.MjData, state: NDArray[np.float64]) -> 
 
 
 def _config(folder: Path) -> dict[str, Any]:
-    if not (folder / MANIFEST).is_file():
-        raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
+    check_run_folder(folder)
     try:
         config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         if not {"arm", "flange", "sensing_s"} <= config["options"].keys():

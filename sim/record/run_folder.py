@@ -8,6 +8,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -20,60 +21,35 @@ from threadpoolctl import threadpool_info
 from mapping.storage import replacing
 from sim.tables import CsvTable
 
-from .locked_folder import LOCK, MANIFEST, LockedFolder
+from .locked_folder import LockedFolder
+from .ownership import LOCK, MANIFEST, files_of_run, names_in
 
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp", "toppra")
-WRITTEN = (
-    "config.json",
-    "steps.csv",
-    "skipped.csv",
-    "states.csv",
-    "summary.json",
-    "map.npz",
-    "map_probability.nii.gz",
-    "map_standard_deviation.nii.gz",
-    "map_labels.nii.gz",
-    "map_target_probability.nii.gz",
-    "map_target_standard_deviation.nii.gz",
-    "map_target_labels.nii.gz",
-    "structures.csv",
-    "anatomy.npz",
-    "reach.csv",
-    "reach.parquet",
-    "bases.csv",
-    "arms.csv",
-    "arms.md",
-    "poses.csv",
-    "poses.json",
-    "tumours.csv",
-    "false_findings.csv",
-    "targets.csv",
-    "target_false_findings.csv",
-    "findings.json",
-    "report.html",
-)
-"""Files of a run besides the manifest, figures and frames."""
+OWN_MAP, OWN_TARGET_MAP = "own_map.npz", "own_target_map.npz"
+"""What a map of a user's own, and that of a second class, wrote by its method `save`."""
 
 
 class RunFolder(LockedFolder):
     """A folder that one run owns while it is open, as a context manager."""
 
     def __init__(self, path: Path, *, overwrite: bool = False) -> None:
-        """Claim a folder for a run; an earlier run in it is removed when `overwrite` is set.
+        """Claim a folder for a run; the files of an earlier run in it are removed when `overwrite` is set.
 
         Raises:
-            UsageError: The folder holds a run already, belongs to a running process, or cannot be written.
+            UsageError: The folder holds a run already or files that are not ours, belongs to a running process, or
+                cannot be written.
         """
         super().__init__(path, what="run", overwrite=overwrite)
         self._tables: dict[str, tuple[io.TextIOWrapper, CsvTable]] = {}
         self._manifest: dict[str, Any] = {}
-        self._remove_old_run()
+        for file in files_of_run(path):
+            file.unlink(missing_ok=True)
 
     def begin(self, config: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
         """Write what is known before the first step; from here on the folder is a valid, unfinished run."""
-        self.write_json("config.json", config)
         self._manifest = {**describe_machine(), **manifest, "status": "unfinished", "started": _now()}
-        self.write_json(MANIFEST, self._manifest)
+        self.write_json(MANIFEST, self._manifest)  # first: by it the folder is known for ours
+        self.write_json("config.json", config)
 
     def finish(self, status: str) -> None:
         """Mark the run `finished` or `interrupted`."""
@@ -81,7 +57,7 @@ class RunFolder(LockedFolder):
         self.write_json(MANIFEST, self._manifest)
 
     def append_row(self, name: str, row: Mapping[str, Any]) -> None:
-        """Append a row to a CSV file, safe from the process's end on. The first row fixes the columns."""
+        """Append a row to a CSV file; it outlives the process at once. The first row fixes the columns."""
         if name not in self._tables:
             file = (self.path / name).open("w", newline="", encoding="utf-8")
             self._tables[name] = (file, CsvTable(file, list(row)))
@@ -115,29 +91,22 @@ class RunFolder(LockedFolder):
         with replacing(target) as file:
             file.write(content)
 
-    def _remove_old_run(self) -> None:
-        frames = self.path / "frames"
-        old = [
-            *(self.path / name for name in (*WRITTEN, MANIFEST)),
-            *self.path.glob("*.png"),
-            *frames.glob("*.png"),
-            *(self.path / "motion").glob("*.npz"),
-            *(self.path / "maps").glob("*.npz"),
-            *(self.path / "surfaces").glob("mapped*"),
-        ]
-        for file in old:
-            file.unlink(missing_ok=True)
-
     def close(self) -> None:
-        """Close the tables and let the folder go."""
+        """Close the tables, list the run's files in its manifest, and unlock the folder.
+
+        Whoever replaces the run removes the files that are listed, and no others.
+        """
         for file, _ in self._tables.values():
             file.close()
+        if self._manifest:
+            with suppress(OSError):  # on a full disk the files are known by their names
+                self.write_json(MANIFEST, self._manifest | {"files": [*names_in(self.path)]})
         super().close()
         (self.path / LOCK).unlink(missing_ok=True)
 
 
 def describe_machine() -> dict[str, Any]:
-    """Versions, commit, platform and BLAS threads: what repeating a run needs to know."""
+    """The versions, commit, platform and BLAS threads, which whoever repeats a run needs to know."""
     return {
         "sounding": metadata.version("sounding"),
         "commit": _commit(),
@@ -166,7 +135,7 @@ def _now() -> str:
 
 
 def _plain(value: Any) -> Any:
-    """JSON form of what json does not know."""
+    """The JSON form of a value that json does not know."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):

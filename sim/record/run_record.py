@@ -17,9 +17,9 @@ from sim.errors import UsageError
 from sim.tables import read_rows
 from sim.world.anatomy.anatomy import Anatomy
 
-from .locked_folder import MANIFEST
 from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
+from .ownership import MANIFEST, check_run_folder
 from .poses import read_poses
 from .trajectories import ANATOMY, read_anatomy
 
@@ -32,9 +32,11 @@ class RunRecord:
 
     folder: Path
     config: Mapping[str, Any]
+    """What config.json holds."""
     manifest: Mapping[str, Any]
+    """What manifest.json holds."""
     summary: Mapping[str, Any]
-    """Empty for a run that was killed."""
+    """What summary.json holds; empty for a run that was killed."""
     steps: Rows
     """Rows of steps.csv."""
     skipped: Rows
@@ -45,14 +47,14 @@ class RunRecord:
     detection_points_m: NDArray[np.float64]
     """Points inside the tumours, world frame, shape (D, 3)."""
     detection_tumours: NDArray[np.int64]
-    """The tumour each lies in, shape (D,)."""
+    """The tumour that each of them lies in, shape (D,)."""
     field: MapField | None
     """The last map; None where the run kept none."""
     history: dict[int, NDArray[np.float32]]
-    """Log-odds at the search points by action."""
+    """The log-odds at the search points after each action whose map was kept."""
     target: RunRecord | None = None
-    """The same run as a record of the second class, where one was mapped: its bodies stand in the tumours' place, and
-    its map, curves and findings in theirs."""
+    """The same run as a record of the second class, where one was mapped: its bodies, map and curves stand in the
+    place of the tumours'."""
 
     @property
     def options(self) -> Mapping[str, Any]:
@@ -76,7 +78,7 @@ class RunRecord:
 
     @property
     def n_steps(self) -> int:
-        """How many actions were done."""
+        """The number of actions that were done."""
         return len(self.T_world_probe)
 
     def is_seen(self) -> NDArray[np.bool_]:
@@ -92,21 +94,21 @@ class RunRecord:
 
 
 def load_run(folder: Path | str) -> RunRecord:
-    """Read a run's folder.
+    """The record of the run in a folder.
 
     Raises:
-        UsageError: It is not the folder of an episode, or one of its files is missing or broken.
+        UsageError: The folder is not that of an episode, or one of its files is missing or broken.
     """
     folder = Path(folder)
-    if not (folder / MANIFEST).is_file():
-        raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
+    check_run_folder(folder)
     config, manifest = _json(folder / "config.json"), _json(folder / MANIFEST)
     if not {"options", "scenario", "T_world_organ"} <= config.keys():
         raise UsageError(f"{folder}: is not the folder of an episode.")
     anatomy = read_anatomy(folder)
     points_m, tumours = _detection(folder / ANATOMY)
     n_steps, T_world_probe = read_poses(folder)
-    steps = read_rows(folder / "steps.csv")[: len(n_steps)]  # a kill may leave one row more in one of them
+    # A kill may leave one row more in one of the two tables.
+    steps = read_rows(folder / "steps.csv")[: len(n_steps)]
     field = _field(folder / "map.npz")
     record = RunRecord(
         folder=folder,
@@ -143,7 +145,7 @@ def _of_target(record: RunRecord, anatomy: Anatomy) -> RunRecord:
 
 
 def _history(folder: Path, of: str, n_points: int, n_steps: int) -> dict[int, NDArray[np.float32]]:
-    """The maps that fit the last one, of the steps that were written."""
+    """The kept maps of the steps that were written, without those of another size than the last map."""
     kept = read_history(folder, of).items()
     return {step: log_odds for step, log_odds in kept if len(log_odds) == n_points and step <= n_steps}
 
@@ -160,7 +162,8 @@ def _json(path: Path) -> dict[str, Any]:
 
 def _detection(path: Path, prefix: str = "") -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     with np.load(path, allow_pickle=False) as arrays:
-        if "detection_points_m" not in arrays.files:  # a run of before they were kept
+        if "detection_points_m" not in arrays.files:
+            # The run is older than the points' place in the file.
             return np.empty((0, 3)), np.empty(0, dtype=np.int64)
         return arrays[f"{prefix}detection_points_m"], arrays[f"{prefix}detection_tumours"]
 

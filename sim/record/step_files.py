@@ -1,4 +1,4 @@
-"""What each step of an episode adds to the tables of its run's folder, and the map."""
+"""The files of a run's folder that change with each step of its episode: the tables and the map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mapping import Prediction
+from mapping import DetailedMap, HilbertMap, Prediction
 from planner import Workspace
 from planner.acquisition import expected_improvement
 from sim.episode.episode import Episode
@@ -17,7 +17,7 @@ from sim.episode.step import Step
 from .map_history import write_history
 from .map_volumes import map_volumes, maps_in
 from .poses import POSES_CSV, pose_row
-from .run_folder import RunFolder
+from .run_folder import OWN_MAP, OWN_TARGET_MAP, RunFolder
 from .trajectories import write_motion
 
 
@@ -27,7 +27,7 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     folder.append_row("steps.csv", _step_row(episode, step))
     for skipped in step.skipped:
         row = {"step": step.step, "pose_index": skipped.pose_index, "reason": skipped.reason}
-        row |= _place_of(workspace, skipped.pose_index)
+        row |= place_of(workspace, skipped.pose_index)
         folder.append_row("skipped.csv", row)
     for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
         row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
@@ -47,7 +47,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
     return {
         "step": step.step,
         "pose_index": step.pose_index,
-        **_place_of(episode.setup.workspace, step.pose_index),
+        **place_of(episode.setup.workspace, step.pose_index),
         **dict(zip(episode.setup.positioner.joint_names, step.ik.q, strict=True)),
         "position_error_m": step.ik.position_error_m,
         "angle_error_rad": step.ik.angle_error_rad,
@@ -71,7 +71,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
 
 
 def _target_cells(step: Step) -> dict[str, float | None]:
-    """How the second class stands, as columns; none where there is no such class."""
+    """The columns about the second class; none where there is no such class."""
     score, labels = step.target, step.reading.is_target
     if score is None:
         return {}
@@ -90,8 +90,8 @@ def best_improvement(prediction: Prediction | None) -> float | None:
     return float(expected_improvement(mean, variance, incumbent=float(mean.max())).max())
 
 
-def _place_of(workspace: Workspace, pose: int) -> dict[str, float]:
-    """A pose's position and inward normal as columns."""
+def place_of(workspace: Workspace, pose: int) -> dict[str, float]:
+    """The position and the inward normal of a pose as columns."""
     position_m, normal = workspace.positions_m[pose], workspace.normals[pose]
     return {f"position_{axis}_m": position_m[i] for i, axis in enumerate("xyz")} | {
         f"normal_{axis}": normal[i] for i, axis in enumerate("xyz")
@@ -118,17 +118,22 @@ def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
                 folder.write_bytes(name, content)
 
 
+def write_own_maps(folder: RunFolder, episode: Episode) -> None:
+    """Have the maps that a user brought along written by their own `save`; of the built-in ones map.npz tells all."""
+    target = None if episode.target is None else episode.target.tumour_map
+    for name, own in ((OWN_MAP, episode.tumour_map), (OWN_TARGET_MAP, target)):
+        if own is not None and not isinstance(own, HilbertMap | DetailedMap):
+            own.save(folder.path / name)
+
+
 def _prediction_arrays(setup: Setup, prediction: Prediction) -> dict[str, np.ndarray]:
-    """A map on the lattice."""
+    """The arrays of a map, on the whole lattice."""
     names = ("probability", "latent_mean", "latent_variance")
     return {name: _on_lattice(setup, getattr(prediction, name)) for name in names}
 
 
 def _on_lattice(setup: Setup, values: np.ndarray) -> np.ndarray:
-    """Values of the search points on the whole lattice: NaN, or False, outside the organ."""
-    is_flag = values.dtype == bool
-    filled = np.full(
-        setup.query.n_points, False if is_flag else np.nan, dtype=bool if is_flag else np.float32
-    )
-    filled[setup.is_inside] = values
-    return filled.reshape(setup.query.shape)
+    """The values of the search points on the whole lattice: NaN, or False, outside the organ."""
+    if values.dtype == bool:
+        return setup.on_lattice(values, outside=False)
+    return setup.on_lattice(values.astype(np.float32), outside=np.nan)

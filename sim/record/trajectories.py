@@ -21,6 +21,7 @@ from .run_folder import RunFolder
 
 ANATOMY = "anatomy.npz"
 KEYS = ("time_s", "states", "tips_m", "phases")
+"""Fields of a motion that are kept."""
 
 
 def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
@@ -30,7 +31,7 @@ def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
 
 
 def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
-    """Write the surfaces of organ, tumours, targets and structures, and the points that tell detection, world [m]."""
+    """Write the surfaces of organ, tumours, targets and structures, and the detection points, world frame [m]."""
     structures, target = anatomy.structures, anatomy.target
     solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
     solids |= {f"structure{i}": structure.solid for i, structure in enumerate(structures)}
@@ -54,7 +55,7 @@ def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
 
 
 def read_anatomy(folder: Path) -> Anatomy:
-    """The anatomy of a run, without detection points; without structures where they were not kept yet.
+    """The anatomy of a run without detection points, and without structures where an older run kept none.
 
     Raises:
         UsageError: The file is missing or broken.
@@ -91,7 +92,7 @@ def _bare(
 
 
 def _structures(arrays: Mapping[str, NDArray[Any]], solids: Mapping[str, Solid]) -> tuple[Structure, ...]:
-    """The structures of an anatomy's file; none in one of before they were kept."""
+    """The structures of an anatomy's file; none where an older run kept none."""
     if "structure_names" not in arrays:
         return ()
     marks = zip(arrays["structure_names"], arrays["structure_is_keepout"], strict=True)

@@ -8,6 +8,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from sim.record.recording import Recording, set_state
+from sim.world.frames import quaternion_matrix
 from sim.world.scene.scene import Group
 
 from .mesh_thinning import thinned
@@ -15,10 +16,11 @@ from .mesh_thinning import thinned
 MOST_FACES = 3000
 """A part of more triangles is thinned out."""
 SECTIONS = 32
+"""Sides of a cylinder."""
 
 
 def arm_parts(recording: Recording) -> list[tuple[str, NDArray[np.float64], trimesh.Trimesh]]:
-    """The bodies of arm and probe that can be seen: name, colour of its largest part (3,), mesh in its own frame."""
+    """The visible parts of arm and probe, one for each body and colour: body's name, colour (3,), mesh in its frame."""
     model = recording.scene.model
     parts = []
     for body in range(model.nbody):
@@ -38,7 +40,7 @@ def arm_parts(recording: Recording) -> list[tuple[str, NDArray[np.float64], trim
 
 
 def body_poses(recording: Recording, names: list[str]) -> NDArray[np.float32]:
-    """Position and wxyz quaternion of bodies at the start and at the end of each motion.
+    """The position and the wxyz quaternion of bodies where the run began and at the end of each motion.
 
     Args:
         recording: The run's states.
@@ -60,14 +62,14 @@ def body_poses(recording: Recording, names: list[str]) -> NDArray[np.float32]:
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:
-    """Red, green and blue of a geom, its material's where it has one."""
+    """The red, green and blue of a geom, or of its material where it has one."""
     material = int(model.geom_matid[geom])
     red, green, blue, _ = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
     return round(float(red), 2), round(float(green), 2), round(float(blue), 2)
 
 
 def _geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
-    """A geom as a mesh in the frame of its body."""
+    """A geom as a mesh in the frame of its body; None for a kind that is not drawn."""
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     kinds = mujoco.mjtGeom
     if kind == kinds.mjGEOM_CAPSULE:
@@ -85,9 +87,7 @@ def _geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh | None:
     else:
         return None
     T = np.eye(4)
-    R = np.empty(9)
-    mujoco.mju_quat2Mat(R, model.geom_quat[geom])
-    T[:3, :3], T[:3, 3] = R.reshape(3, 3), model.geom_pos[geom]
+    T[:3, :3], T[:3, 3] = quaternion_matrix(model.geom_quat[geom]), model.geom_pos[geom]
     mesh.apply_transform(T)
     return mesh
 

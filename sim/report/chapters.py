@@ -19,7 +19,7 @@ from .charts import curve_chart, progress_chart, reliability, reliability_chart
 from .finding_rows import finding_rows
 
 ONE_OF_THREE, ONE_OF_FOUR = 150.0, 102.0
-"""Heights of the charts beside the view, which all of them share."""
+"""Heights of a chart beside the view, where three or four charts share the height of the view."""
 STATUS = {
     "finished": "",
     "interrupted": "This run was interrupted: the report shows what was done until then.",
@@ -48,7 +48,7 @@ def chapters(record: RunRecord, findings: Findings) -> dict[str, Any]:
 
 
 def title(record: RunRecord) -> str:
-    """Scenario and planner."""
+    """The page's title: scenario and planner."""
     return f"{record.scenario['name']}, {record.options['planner']}"
 
 
@@ -63,7 +63,7 @@ def _lede(record: RunRecord) -> str:
 
 
 def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]:
-    """Names and values of what one wants to know first."""
+    """The names and values of what a reader wants to know first."""
     sensed, auprc = record.numbers("sensed_fraction"), record.numbers("auprc")
     reached = np.flatnonzero(sensed >= SENSED_GOAL)
     figures = []
@@ -93,7 +93,7 @@ def _classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:
 
 
 def _progress(record: RunRecord) -> list[dict[str, str]]:
-    """The curves that follow the slider; lower ones where a second class adds its own."""
+    """The curves that follow the slider; they are lower where a second class adds one."""
     target = record.target
     height = ONE_OF_THREE if target is None else ONE_OF_FOUR
     charts = [
@@ -117,7 +117,7 @@ def _progress(record: RunRecord) -> list[dict[str, str]]:
 
 
 def _readings(record: RunRecord) -> list[dict[str, str]]:
-    """What is told of each action beside the slider, the first for before any."""
+    """What stands beside the slider at each action; the first item is for the time before any action."""
     told: list[dict[str, str]] = [{}]
     name = "" if record.target is None else record.target.anatomy.name
     for row in record.steps:
@@ -129,7 +129,7 @@ def _readings(record: RunRecord) -> list[dict[str, str]]:
 
 
 def _quality(record: RunRecord) -> dict[str, Any] | None:
-    """Precision-recall and reliability of the last map; None without a map or without tumours."""
+    """The precision-recall curve and the reliability of the last map; None without a map or without tumours."""
     field = record.field
     if field is None or not field.is_tumour[field.is_inside].any():
         return None
@@ -150,10 +150,6 @@ def _quality(record: RunRecord) -> dict[str, Any] | None:
         "reliability": reliability_chart(
             predicted, observed, counts, label="Observed share of tumour against predicted probability"
         ),
-        "bins": [
-            (f"{p:.2f}", f"{o:.2f}", f"{int(n):,}")
-            for p, o, n in zip(predicted, observed, counts, strict=True)
-        ],
         "rows": _quality_rows(record),
     }
 
@@ -172,7 +168,7 @@ def _quality_rows(record: RunRecord) -> list[tuple[str, str]]:
 
 
 def _arm(record: RunRecord) -> dict[str, Any] | None:
-    """Errors of the arm at the sensing poses; None for a free-flying probe."""
+    """The errors of the arm at the sensing poses; None for a free-flying probe."""
     if record.options["arm"] == "none" or not record.steps:
         return None
     series = [
@@ -194,7 +190,7 @@ def _arm(record: RunRecord) -> dict[str, Any] | None:
 
 
 def _skipped(record: RunRecord) -> dict[str, Any]:
-    """Poses that could not be taken: how many for each reason, and all of them."""
+    """The poses that could not be taken: how many for each reason, and all of them."""
     reasons = Counter(_kind_of(row["reason"]) for row in record.skipped)
     return {
         "reasons": reasons.most_common(),
@@ -229,8 +225,8 @@ def _space(record: RunRecord) -> dict[str, Any]:
 
 
 def _settings(record: RunRecord) -> list[dict[str, Any]]:
-    """Everything needed to repeat the run."""
-    machine = {k: v for k, v in record.manifest.items() if k not in ("packages", "command")}
+    """Everything that is needed to repeat the run, in groups."""
+    machine = {k: v for k, v in record.manifest.items() if k not in ("packages", "command", "files")}
     packages = record.manifest.get("packages", {})
     groups = [("Options", record.options), ("Scenario", record.scenario), ("Map", record.config.get("map", {})),
               ("Machine", machine), ("Packages", packages)]  # fmt: skip

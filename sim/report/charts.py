@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 Numbers = NDArray[np.float64]
 LOG_FROM = 30.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
+QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Ticks of an axis from 0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plot:
-    """The plane of a chart: data ranges and where they lie in the picture."""
+    """The plane of a chart: the ranges of its data, and where they lie in the picture."""
 
     x_range: tuple[float, float]
     y_range: tuple[float, float]
@@ -34,12 +36,12 @@ class Plot:
     bottom: float = 26.0
 
     def x(self, value: float) -> float:
-        """Across, in the picture."""
+        """The place of a value across the picture."""
         low, high = self.x_range
         return self.left + (value - low) / (high - low) * (self.width - self.left - self.right)
 
     def y(self, value: float) -> float:
-        """Down, in the picture; values beyond the range lie on its edge."""
+        """The place of a value down the picture; values beyond the range lie on its edge."""
         low, high = self.y_range
         if self.is_log:
             value, low, high = (math.log10(max(v, 1e-300)) for v in (value, low, high))
@@ -54,16 +56,16 @@ def progress_chart(
     """A curve over the sensing actions, from 1 on, with what a slider needs to follow it.
 
     Args:
-        name: By which the page knows it.
-        values: One per action, shape (T,); NaN where there is none.
+        name: The name by which the page knows the chart.
+        values: One value per action, shape (T,); NaN where there is none.
         colour: Class of its colour: truth, map, probe or ink.
         label: What is drawn, for those who cannot see it.
         digits: Decimals of the values as text.
         target: A value to mark.
         y_top: Upper end of the axis; by default what the values need.
-        is_percent: Write values as percentages.
-        has_dots: Draw dots without a line, where an action has nothing to do with the one before.
-        height: Of the chart, whose width is 380.
+        is_percent: Whether values are written as percentages.
+        has_dots: Whether dots without a line are drawn, where an action has nothing to do with the one before.
+        height: Height of the chart, whose width is 380.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -97,11 +99,11 @@ def progress_chart(
 def curve_chart(
     x: Numbers, y: Numbers, *, colour: str, label: str, level: float | None = None, level_text: str = ""
 ) -> str:
-    """A curve in the unit square, the area below it tinted.
+    """A curve in the unit square, with the area below it tinted.
 
     Args:
-        x: Rising, shape (K,).
-        y: Shape (K,).
+        x: Rising values across, shape (K,).
+        y: Values up, shape (K,).
         colour: Class of its colour.
         label: What is drawn.
         level: A height to mark.
@@ -110,7 +112,7 @@ def curve_chart(
     plot = _unit_square()
     path = " ".join(f"{plot.x(a):.1f},{plot.y(b):.1f}" for a, b in _steps(x, y))
     foot, first, last = plot.y(0.0), plot.x(float(x[0])), plot.x(float(x[-1]))
-    body = [y_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0), False), x_axis(plot, (0.0, 0.25, 0.5, 0.75, 1.0))]
+    body = [y_axis(plot, QUARTERS, False), x_axis(plot, QUARTERS)]
     body.append(
         f'<polygon class="area {colour}" points="{first:.1f},{foot:.1f} {path} {last:.1f},{foot:.1f}"/>'
     )
@@ -125,17 +127,16 @@ def curve_chart(
 
 
 def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *, label: str) -> str:
-    """Observed share against predicted probability, a dot per bin, its area growing with the number of points.
+    """Observed share against predicted probability, with a dot per bin whose area grows with the number of points.
 
     Args:
         predicted: Mean probability of each bin, shape (B,).
         observed: Share of tumour among its points, shape (B,).
-        counts: How many points it has, shape (B,).
+        counts: Number of its points, shape (B,).
         label: What is drawn.
     """
     plot = _unit_square()
-    ticks = (0.0, 0.25, 0.5, 0.75, 1.0)
-    body = [y_axis(plot, ticks, False), x_axis(plot, ticks)]
+    body = [y_axis(plot, QUARTERS, False), x_axis(plot, QUARTERS)]
     body.append(f'<line class="target" x1="{plot.x(0)}" y1="{plot.y(0)}" x2="{plot.x(1)}" y2="{plot.y(1)}"/>')
     line = " ".join(f"{plot.x(p):.1f},{plot.y(o):.1f}" for p, o in zip(predicted, observed, strict=True))
     body.append(f'<polyline class="line map thin" points="{line}"/>')
@@ -152,7 +153,7 @@ def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *,
 def reliability(
     probability: Numbers, truth: NDArray[np.bool_], n_bins: int = 10
 ) -> tuple[Numbers, Numbers, Numbers]:
-    """Mean probability, share of tumour and number of points of each bin of equal width that holds any, shape (B,)."""
+    """The mean probability, share of tumour and number of points of each bin of equal width that is not empty."""
     bins = np.minimum((probability * n_bins).astype(int), n_bins - 1)
     counts = np.bincount(bins, minlength=n_bins).astype(np.float64)
     kept = counts > 0
@@ -185,19 +186,19 @@ def _unit_square() -> Plot:
 
 
 def count_ticks(n: int) -> list[float]:
-    """At most seven whole numbers from 0 to n, evenly."""
+    """At most seven evenly spaced whole numbers from 0 to n."""
     step = next(s * 10**p for p in range(6) for s in (1, 2, 5) if n / (s * 10**p) <= 6)
     return [float(tick) for tick in range(0, n + 1, step)]
 
 
 def y_axis(plot: Plot, ticks: Sequence[float], is_percent: bool) -> str:
-    """The numbers beside a chart, with a line for each."""
+    """The numbers beside a chart, with a line across it for each."""
     parts = []
     for tick in ticks:
         y = plot.y(tick)
         text = f"{tick:.0%}" if is_percent else f"{tick:.3g}"
         if plot.is_log:
-            text = f'10<tspan dy="-4" class="power">{round(math.log10(tick))}</tspan>'.replace("-", "−", 0)
+            text = f'10<tspan dy="-4" class="power">{round(math.log10(tick))}</tspan>'
         parts.append(
             f'<line class="grid" x1="{plot.left}" x2="{plot.width - plot.right}" y1="{y:.1f}" y2="{y:.1f}"/>'
             f'<text class="tick" x="{plot.left - 6}" y="{y + 3.5:.1f}" text-anchor="end">{text}</text>'
@@ -206,7 +207,7 @@ def y_axis(plot: Plot, ticks: Sequence[float], is_percent: bool) -> str:
 
 
 def x_axis(plot: Plot, ticks: Sequence[float], texts: Sequence[str] | None = None) -> str:
-    """The numbers below a chart, as texts where these are given."""
+    """The numbers below a chart, or texts in their place where these are given."""
     texts = texts or [f"{tick:g}" for tick in ticks]
     return "".join(
         f'<text class="tick" x="{plot.x(tick):.1f}" y="{plot.height - plot.bottom + 15:.1f}" '
@@ -216,7 +217,7 @@ def x_axis(plot: Plot, ticks: Sequence[float], texts: Sequence[str] | None = Non
 
 
 def svg_text(plot: Plot, label: str, body: Sequence[str], attributes: str = "") -> str:
-    """A chart of these elements, with a text for those who cannot see it."""
+    """A chart of some elements, with a label for those who cannot see it."""
     return (
         f'<svg viewBox="0 0 {plot.width:g} {plot.height:g}" role="img" aria-label="{escape(label, quote=True)}" '
         f"{attributes}>{''.join(body)}</svg>"
@@ -224,7 +225,7 @@ def svg_text(plot: Plot, label: str, body: Sequence[str], attributes: str = "") 
 
 
 def _steps(x: Numbers, y: Numbers) -> list[tuple[float, float]]:
-    """Corners of a curve of steps, each height held back to the place before; thinned to what can be seen."""
+    """The corners of a curve of steps, each height held back to the place before; as many as can be told apart."""
     chosen = np.unique(np.concatenate([[0, len(x) - 1], np.flatnonzero(np.diff(np.round(x * 500))) + 1]))
     corners = [(float(x[chosen[0]]), float(y[chosen[0]]))]
     for i in chosen[1:]:

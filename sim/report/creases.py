@@ -15,8 +15,8 @@ def creased(
     """The same surface with a normal for each vertex; corners at an edge become vertices of their own.
 
     Args:
-        vertices_m: Shape (V, 3) [m].
-        faces: Shape (F, 3).
+        vertices_m: Vertices [m], shape (V, 3).
+        faces: Triangles, shape (F, 3).
 
     Returns:
         Vertices, shape (W, 3) with W >= V, their unit normals, shape (W, 3), and triangles, shape (F, 3).

@@ -11,10 +11,10 @@ NONE = "–"
 
 
 def finding_rows(findings: Findings, *, name: str | None = None) -> dict[str, Any]:
-    """Both tables, cells as text, from which probability the map calls a point tumour, and what to say of them.
+    """Both tables with their cells as text, the probability from which the map calls a point tumour, and what to say.
 
     Args:
-        findings: Of the tumours, or of a second class.
+        findings: Findings of the tumours, or of a second class.
         name: What the second class is called; None for the tumours.
     """
     words = {"title": "Tumours", "kind": "tumour", "body": "tumour", "files": (TUMOURS, FALSE_FINDINGS)}

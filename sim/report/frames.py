@@ -9,17 +9,17 @@ from pathlib import Path
 from PIL import Image
 
 WIDTHS_PX = (None, 720, 480, 320)
-"""Tried in turn, the frame's own width first."""
+"""Widths that are tried in turn; None is the frame's own."""
 QUALITY = 90
-"""Of WebP: a sixth of the PNG's size, and no difference to be seen; the PNG stays in the folder."""
+"""WebP's quality: the file has a sixth of the PNG's size and looks the same; the PNG stays in the folder."""
 
 
 def frame_images(folder: Path, *, most_bytes: int) -> dict[int, str]:
-    """Data addresses of the frames by action; the last frame alone where only that was drawn, as action 0.
+    """The frames as data addresses by action; where only the last frame was drawn, it stands as action 0.
 
     Args:
-        folder: Holds 0001.png and so on, or final.png.
-        most_bytes: Room for all of them as text. They are scaled down until they fit, then thinned out.
+        folder: The folder that holds 0001.png and so on, or final.png.
+        most_bytes: Room for all of them as text. They are scaled down until they fit, and then some are left out.
     """
     files = {int(file.stem): file for file in sorted(folder.glob("*.png")) if file.stem.isdecimal()}
     if not files and (folder / "final.png").is_file():
@@ -31,7 +31,7 @@ def frame_images(folder: Path, *, most_bytes: int) -> dict[int, str]:
 
 
 def _width_that_fits(file: Path, most_bytes: float) -> int | None:
-    """The largest width at which a frame takes no more than its share, or the least one."""
+    """The largest width at which a frame takes no more than its share, or the least width of all."""
     for width_px in WIDTHS_PX:
         if len(_address(file, width_px)) <= most_bytes:
             return width_px
@@ -39,7 +39,7 @@ def _width_that_fits(file: Path, most_bytes: float) -> int | None:
 
 
 def _thinned(images: dict[int, str], most_bytes: int) -> dict[int, str]:
-    """As many as there is room for, evenly over the actions, the last one first."""
+    """As many images as there is room for, evenly over the actions; the last one comes first."""
     size = max(sum(map(len, images.values())), 1)
     stride = -(-size // max(most_bytes, 1))
     kept: dict[int, str] = {}
@@ -50,7 +50,7 @@ def _thinned(images: dict[int, str], most_bytes: int) -> dict[int, str]:
 
 
 def _address(file: Path, width_px: int | None) -> str:
-    """A frame as WebP in text, no wider than said."""
+    """A frame as WebP in text, no wider than `width_px`."""
     with Image.open(file) as image:
         picture = image.convert("RGB")
     if width_px is not None and width_px < picture.width:

@@ -1,4 +1,4 @@
-"""Thinning of meshes that are only to be looked at: by collapsing edges, or on a grid where that is not installed."""
+"""Thinning of meshes that are only looked at: by collapsing edges or, without the package for that, on a grid."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from sim.world.solids.solid import Solid
 
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 LEAST_FACES = 500
-"""Of each of several surfaces: fewer would be no likeness."""
+"""Least triangles of each of several surfaces: with fewer, a surface would no longer be recognised."""
 
 
 def thinned_together(solids: Sequence[Solid], most_faces: int) -> list[Surface]:
-    """Surfaces thinned to so many triangles together, shared among them as their triangles are; none is left empty."""
+    """Surfaces that have `most_faces` triangles together, of which each keeps its share; none is left empty."""
     n_faces = sum(len(solid.faces) for solid in solids)
     shares = [max(len(solid.faces) * most_faces // n_faces, LEAST_FACES) for solid in solids]
     return [thinned(each.vertices_m, each.faces, share) for each, share in zip(solids, shares, strict=True)]
 
 
 def thinned(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_faces: int) -> Surface:
-    """A mesh with about so many triangles at most, its vertices shape (V, 3) [m] and its faces shape (F, 3)."""
+    """A mesh thinned to about `most_faces` triangles: its vertices [m], shape (V, 3), and faces, shape (F, 3)."""
     if len(faces) <= most_faces:
         return vertices_m, faces
     try:
@@ -32,7 +32,8 @@ def thinned(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_face
         return _drawn_together(vertices_m, faces, most_faces)
     centre_m = vertices_m.mean(axis=0)
     centred_mm = np.ascontiguousarray((vertices_m - centre_m) * 1e3, dtype=np.float32)
-    simplify: Any = fast_simplification.simplify  # releases differ in whether they say what they take
+    # Releases of the package differ in whether they declare the types of this function.
+    simplify: Any = fast_simplification.simplify
     points_mm, triangles = simplify(
         centred_mm, np.ascontiguousarray(faces, dtype=np.int32), target_count=most_faces
     )
@@ -42,7 +43,7 @@ def thinned(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_face
 
 
 def _drawn_together(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_faces: int) -> Surface:
-    """The vertices of each cell of a grid drawn together, on the finest grid that leaves few enough faces."""
+    """A mesh whose vertices in each cell of a grid are drawn together; the grid is the finest that thins enough."""
     low, extent = vertices_m.min(axis=0), np.ptp(vertices_m, axis=0).max()
     kept = vertices_m, faces
     for n_cells in (256, 192, 128, 96, 64, 32):

@@ -17,7 +17,7 @@ LEVEL = 6
 
 
 class Pack:
-    """Collects arrays; each is known by what `add` returns."""
+    """A collection of arrays, each of which is known by what `add` returns."""
 
     def __init__(self) -> None:
         """Begin empty."""
@@ -25,7 +25,7 @@ class Pack:
         self._size = 0
 
     def add(self, array: NDArray[Any]) -> dict[str, Any]:
-        """Take an array in; returns where it lies: kind, offset in bytes and length in numbers."""
+        """The place of an array that is taken in: its kind, offset in bytes and length in numbers."""
         little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
         content = little.tobytes()
         place = {"kind": array.dtype.name, "at": self._size, "n": int(array.size)}
@@ -35,20 +35,20 @@ class Pack:
         return place
 
     def text(self) -> str:
-        """All arrays, compressed, as base64."""
+        """All arrays as one compressed text in base64."""
         return base64.b64encode(zlib.compress(b"".join(self._chunks), LEVEL)).decode("ascii")
 
 
 def add_mesh(pack: Pack, vertices_m: ArrayLike, faces: ArrayLike) -> dict[str, Any]:
-    """Take a triangle mesh in, its vertices in 1/65535 of its box, with the normals to light it by.
+    """The place of a triangle mesh that a pack takes in, with the normals to light it by.
 
     Args:
-        pack: Where to.
-        vertices_m: Shape (V, 3) [m].
-        faces: Shape (F, 3).
+        pack: The pack.
+        vertices_m: Vertices [m], shape (V, 3); they are kept to 1/65535 of the box around them.
+        faces: Triangles, shape (F, 3).
 
     Returns:
-        Its box and where its arrays lie.
+        The box, and where the arrays lie.
     """
     vertices, triangles = np.asarray(vertices_m, dtype=np.float64), np.asarray(faces)
     vertices, normals, triangles = creased(vertices, triangles)

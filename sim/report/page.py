@@ -1,4 +1,4 @@
-"""The page of a run: `report.html`, one file that needs nothing else."""
+"""The page of a run: `report.html`, a file that needs no other."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ REPORT = "report.html"
 ASSETS = Path(__file__).resolve().parent / "assets"
 SCRIPTS = ("three.min.js", "surface_nets.js", "view.js", "page.js")
 MOST_BYTES = 15_000_000
-"""A report is no larger; pictures are made smaller until it fits."""
+"""A report is never larger: pictures are made smaller until it fits."""
 
 
 def write_report(folder: Path, findings: Findings | None = None) -> Path:
-    """Write the report of a run, finished or not, from its folder alone; returns the file.
+    """Write the report of a run, finished or not, from what its folder holds, and return the file.
 
     Args:
-        folder: Of the run.
-        findings: What its last map found, where that is known; it is found out, and its files are written, else.
+        folder: The run's folder.
+        findings: What the run's last map found; by default that is worked out here, and its files are written.
 
     Raises:
-        UsageError: It is not the folder of an episode, or one of its files is broken.
+        UsageError: The folder is not that of an episode, or one of its files is broken.
     """
     record = load_run(folder)
     text = page(record, findings or write_results(record))
@@ -45,7 +45,7 @@ def write_report(folder: Path, findings: Findings | None = None) -> Path:
 
 
 def page(record: RunRecord, findings: Findings) -> str:
-    """The page's text."""
+    """The text of the page."""
     pack = Pack()
     view = view_data(record, pack)
     packed = pack.text()
@@ -62,7 +62,7 @@ def page(record: RunRecord, findings: Findings) -> str:
 
 @lru_cache(maxsize=2)
 def environment(*more_templates: Path) -> jinja2.Environment:
-    """The templates, and those of other folders; what they are given is escaped."""
+    """The templates of the assets and of other folders; values that they show are escaped."""
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader([ASSETS, *more_templates]),
         autoescape=True,

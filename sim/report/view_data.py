@@ -20,13 +20,13 @@ from .mesh_thinning import thinned, thinned_together
 from .packing import Pack, add_mesh
 
 MOST_HISTORY_BYTES = 24_000_000
-"""Maps before compression, a byte a point: more of them are thinned out."""
+"""Room for the maps before compression, at a byte a point; some are left out where they take more."""
 MOST_ORGAN_FACES = 10_000
-"""Without a graphics card the time of a drawing is that of its triangles."""
+"""Most triangles of the organ: without a graphics card, they take most of the time of a drawing."""
 MOST_TUMOUR_FACES = 12_000
-"""Of all tumours together."""
+"""Most triangles of all tumours together."""
 MOST_STRUCTURE_FACES = 14_000
-"""Of all structures together."""
+"""Most triangles of all structures together."""
 
 
 def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
@@ -34,6 +34,9 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
     recording = _recording(record)
     anatomy = record.anatomy
     bounds_m = anatomy.organ.bounds_m
+    base = None
+    if recording is not None and not recording.scene.free_probe:
+        base = recording.scene.T_world_base.tolist()
     return {
         "organ": add_mesh(pack, *thinned(anatomy.organ.vertices_m, anatomy.organ.faces, MOST_ORGAN_FACES)),
         "tumours": [add_mesh(pack, *mesh) for mesh in thinned_together(anatomy.tumours, MOST_TUMOUR_FACES)],
@@ -41,9 +44,7 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
         "bounds": bounds_m.tolist(),
         "T_world_organ": record.T_world_organ.tolist(),
         "is_patient": record.scenario["organ"] != PAPER_ORGAN,
-        "base": None
-        if recording is None or recording.scene.free_probe
-        else recording.scene.T_world_base.tolist(),
+        "base": base,
         "probe": pack.add(record.T_world_probe.astype(np.float32).ravel()),
         "cone": {"half_angle_rad": record.cone.half_angle_rad, "depth_m": record.cone.depth_m},
         "skipped": _skipped(record),
@@ -64,7 +65,7 @@ def _structures(structures: tuple[Structure, ...], pack: Pack) -> list[dict[str,
 
 
 def _recording(record: RunRecord) -> Recording | None:
-    """The recorded states, or None where there are none or the arm's file is gone."""
+    """The recorded states; None where no states were recorded, or the arm's file is gone."""
     try:
         return read_recording(record.folder)
     except (UsageError, WorldError):
@@ -78,11 +79,7 @@ def _arm(recording: Recording, pack: Pack) -> dict[str, Any]:
     return {
         "n_bodies": len(names),
         "parts": [
-            {
-                "body": names.index(name),
-                "colour": colour.tolist(),
-                **add_mesh(pack, mesh.vertices, mesh.faces),
-            }
+            {"body": names.index(name), "colour": colour.tolist()} | add_mesh(pack, mesh.vertices, mesh.faces)
             for name, colour, mesh in parts
         ],
         "poses": pack.add(poses.ravel()),
@@ -98,7 +95,7 @@ def _paths(recording: Recording, n_steps: int, pack: Pack) -> dict[str, Any]:
 
 
 def _skipped(record: RunRecord) -> list[list[float]]:
-    """Step and position of each pose that could not be taken, where the table tells them."""
+    """The step and the position of each pose that could not be taken, where the table tells them."""
     return [
         [int(row["step"]), *(float(row[f"position_{axis}_m"]) for axis in "xyz")]
         for row in record.skipped
@@ -119,21 +116,22 @@ def _target(record: RunRecord | None, pack: Pack) -> dict[str, Any] | None:
 
 
 def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:
-    """The lattice and the map after each kept action, each as its difference from the one after."""
+    """The lattice, and the maps that were kept, each as its difference from the one after it."""
     field = record.field
     if field is None:
         return None
     last = to_bytes(field.log_odds[field.is_inside])
     history = {step: to_bytes(log_odds) for step, log_odds in record.history.items()} | {record.n_steps: last}
     steps = thinned_steps(sorted(history), MOST_HISTORY_BYTES // max(last.size, 1))
-    places = []  # the last is shown first, so the others are told from it
+    # The page shows the last map first, so that one stands whole. Differences wrap around, as their sums will.
+    places = []
     for step, after in zip(steps, [*steps[1:], None], strict=True):
         following = np.zeros_like(last) if after is None else history[after]
-        places.append(pack.add(history[step] - following))  # wraps around, as it does when it is added up
+        places.append(pack.add(history[step] - following))
     prior = float(record.config["map"]["prior_prevalence"])
     return {
         "shape": list(field.is_inside.shape),
-        "low": [float(axis[0]) for axis in field.axes_m],
+        "low": field.low_m.tolist(),
         "cell": field.cell_m.tolist(),
         "inside": pack.add(np.packbits(field.is_inside.ravel(), bitorder="little")),
         "n_inside": field.n_inside,
@@ -145,7 +143,7 @@ def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:
 
 
 def thinned_steps(steps: list[int], most: int) -> list[int]:
-    """At most so many of the steps, evenly, the last one among them."""
+    """At most `most` of the steps, evenly, with the last one among them."""
     if len(steps) <= max(most, 1):
         return steps
     chosen = np.unique(np.linspace(0, len(steps) - 1, max(most, 2)).round().astype(int))

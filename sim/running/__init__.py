@@ -1,1 +1,1 @@
-"""Running one episode: its options, its folder with progress, frames and report, and what it adds up to."""
+"""Runs of one episode: its options, its parts, its folder with progress, frames and report, and its summary."""

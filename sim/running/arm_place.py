@@ -1,4 +1,4 @@
-"""The arm of a configuration, standing where people say in millimetres and degrees."""
+"""The arm of a configuration, at a place that people tell in millimetres and degrees."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from sim.world.scene.arm import ArmModel
 
 MAX_POSITION_MM = 10_000.0
-"""Positions farther out than this from the world's origin are a mistake of unit."""
+"""A position that is farther than this from the world's origin is a mistake of unit."""
 METRES_MM = 3.0
-"""A position all of whose numbers are below this was likely given in metres."""
+"""A position whose numbers are all below this was likely given in metres."""
 
 
 def arm_of(config: EpisodeConfig) -> ArmModel | None:
-    """The arm, where it stands; None for a free-flying probe.
+    """The arm of a configuration, where it stands; None for a free-flying probe.
 
     Raises:
         UsageError, WorldError: The base cannot stand there, or the arm's package is not installed.
@@ -34,10 +34,10 @@ def arm_of(config: EpisodeConfig) -> ArmModel | None:
 def arm_standing(
     arm: str, flange: str | None, *, base_mm: tuple[float, float, float], base_yaw_deg: float
 ) -> ArmModel:
-    """The arm of a name or file, with its base where people say in millimetres and degrees.
+    """The arm of a name or file, with its base at a place in millimetres and degrees.
 
     Raises:
-        UsageError: Numbers that are not finite or too large, or a position that was likely given in metres.
+        UsageError: A number is not finite or too large, or the position was likely given in metres.
         WorldError: There is no such arm.
     """
     from sim.world.scene.named_arms import named_arm
@@ -47,15 +47,15 @@ def arm_standing(
 
 
 def check_base(base_mm: tuple[float, float, float], base_yaw_deg: float) -> None:
-    """Nothing, if a base can stand there.
+    """Check that a base can stand at a place.
 
     Raises:
-        FieldError: Numbers that are not finite or too large, or a position that was likely given in metres.
+        FieldError: A number is not finite or too large, or the position was likely given in metres.
     """
     shown = tuple(f"{value:g}" for value in base_mm)
     if not all(math.isfinite(value) and abs(value) <= MAX_POSITION_MM for value in base_mm):
-        raise FieldError("base_mm", shown, f"finite numbers of at most {MAX_POSITION_MM:.0f} mm.")
+        raise FieldError("base_mm", shown, f"must be finite numbers of at most {MAX_POSITION_MM:.0f} mm.")
     if 0.0 < max(abs(value) for value in base_mm) < METRES_MM:
-        raise FieldError("base_mm", shown, f"below {METRES_MM:g} mm; was it given in metres?")
+        raise FieldError("base_mm", shown, f"is below {METRES_MM:g} mm; was it given in metres?")
     if not math.isfinite(base_yaw_deg) or abs(base_yaw_deg) > 360.0:
-        raise FieldError("base_yaw_deg", f"{base_yaw_deg:g}", "from -360 to 360 degrees.")
+        raise FieldError("base_yaw_deg", f"{base_yaw_deg:g}", "must be from -360 to 360 degrees.")

@@ -1,4 +1,4 @@
-"""The case at hand as plain data: a patient's files and how the organ lies."""
+"""A patient's case as plain data: its files, and how the organ lies."""
 
 from __future__ import annotations
 
@@ -29,45 +29,45 @@ class CaseConfig:
     """A patient's files besides the organ's, and how to read them."""
 
     tumour: tuple[Path, ...] = ()
-    """Meshes or label volumes of the true tumours, in the organ's coordinates, besides those in the organ's volume."""
+    """Meshes or label volumes of true tumours in the organ's coordinates, besides those in the organ's own volume."""
     unit: Unit = "mm"
     """Unit of mesh files."""
     mesh_frame: MeshFrame = "auto"
-    """Axes of mesh files: lps, ras, or auto for what the file's header says, and LPS where it says nothing."""
+    """Axes of mesh files: lps, ras, or auto, which takes what the file's header says, and LPS where it says nothing."""
     coding: CodingName = "auto"
-    """What a label volume's numbers mean: lits, msd-liver, 3d-ircadb, totalsegmentator, or auto to tell from the
-    labels."""
+    """Meaning of the numbers in a label volume: lits, msd-liver, 3d-ircadb, totalsegmentator, or auto, which tells it
+    from the labels."""
     organ_label: tuple[int, ...] = ()
-    """Labels of the organ, in place of the coding's; tumours are added to it."""
+    """Labels of the organ, in place of those of `coding`; the tumours are added to the organ."""
     tumour_label: tuple[int, ...] = ()
-    """Labels of tumours, in place of the coding's."""
+    """Labels of tumours, in place of those of `coding`."""
     target: tuple[Path, ...] = ()
-    """Meshes or label volumes of a second class, such as cysts, that is mapped beside the tumours."""
+    """Meshes or label volumes of a second class, such as cysts, which is mapped beside the tumours."""
     target_label: tuple[int, ...] = ()
-    """Labels of that class."""
+    """Labels of the second class."""
     structure: tuple[Path, ...] = ()
-    """Meshes or masks of vessels and other structures: shown, and measured to."""
+    """Meshes or masks of vessels and other structures, which are shown, and to which distances are measured."""
     structure_label: tuple[int, ...] = ()
-    """Labels of such structures."""
+    """Labels of vessels and other structures."""
     keepout: tuple[Path, ...] = ()
     """Meshes or masks of structures near which the probe must not press."""
     keepout_label: tuple[int, ...] = ()
-    """Labels of such structures."""
+    """Labels of structures near which the probe must not press."""
     spacing_mm: tuple[float, float, float] | None = None
-    """Distances between a label volume's voxels [mm] in place of its header's, where that is wrong."""
+    """Distances between the voxels of a label volume [mm], in place of those in its header where these are wrong."""
 
     def check(self, organ: Path | None) -> None:
-        """Nothing, if the fields go with the organ's file, which is None for the scenario's own organ.
+        """Check that the fields go with the organ's file, which is None for the scenario's own organ.
 
         Raises:
-            UsageError: Something is said of an organ that is not given.
+            UsageError: A field tells about the file of an organ, and none is given.
         """
         for name in PATIENT_FIELDS:
             if getattr(self, name) and organ is None:
                 raise UsageError(f"`{name}` goes with `organ`, the file of the patient that it tells about.")
 
     def files(self, organ: Path) -> CaseFiles:
-        """The files of the patient, with the organ's, and how to read them."""
+        """The files of the patient with that of the organ, and how to read them."""
         return CaseFiles(
             organ=str(organ),
             tumours=_texts(self.tumour),
@@ -90,18 +90,18 @@ class CaseConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class AnatomyConfig:
-    """What is planted in the organ, how it lies, and how near the probe may press to what."""
+    """What is planted in the organ, how the organ lies, and how near to a structure the probe may press."""
 
     n_tumours: int | None = None
-    """Tumours to generate where no file holds any. The scenario's by default, with an organ of one's own none."""
+    """Number of tumours to plant where no file holds any; by default that of the scenario, or 0 with your own organ."""
     target_name: str | None = None
-    """What to call the second class; target by default."""
+    """Name of the second class; target by default."""
     keepout_mm: float = 5.0
-    """How near the probe may press to structures to keep away from [mm]."""
+    """Least distance of the sensing poses from structures near which the probe must not press [mm]."""
     organ_pose: tuple[str, ...] = ()
-    """How the organ lies; anterior up on the table by default. `best`: whichever way up brings the largest surface
-    within the arm's reach. Three numbers: turned from anterior up about the world's x, y and z [degrees]. Seven:
-    position [mm] and quaternion (wxyz) of the files' LPS axes in the world."""
+    """How the organ lies: anterior-up (on the table, the default), best (the way up that brings its largest surface
+    within the arm's reach), three angles by which it is turned from anterior up about the world's x, y and z [degrees],
+    or seven numbers, the position [mm] and the quaternion (wxyz) of the files' LPS axes in the world."""
 
 
 def scenario_changes(organ: Path | None, case: CaseConfig, anatomy: AnatomyConfig) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def scenario_changes(organ: Path | None, case: CaseConfig, anatomy: AnatomyConfi
         anatomy: What is planted, and how the organ lies.
 
     Raises:
-        UsageError: A pose of the organ that cannot be, or fields that do not go together.
+        UsageError: The organ's pose is none, or fields do not go together.
     """
     case.check(organ)
     changes: dict[str, Any] = pose_changes(anatomy.organ_pose)
@@ -140,7 +140,7 @@ def pose_changes(words: tuple[str, ...]) -> dict[str, Any]:
         words: Nothing, `anterior-up`, `best`, three angles [degrees], or a position [mm] and a quaternion (wxyz).
 
     Raises:
-        FieldError: Something else.
+        FieldError: The words are none of these.
     """
     if not words or words == ("anterior-up",):
         return {}
@@ -161,8 +161,8 @@ def pose_changes(words: tuple[str, ...]) -> dict[str, Any]:
     raise FieldError(
         "organ_pose",
         words,
-        "anterior-up, best, three angles [degrees] up to 360, or seven numbers: X Y Z [mm] and QW QX QY QZ, not all "
-        "zero.",
+        "must be anterior-up, best, three angles [degrees] up to 360, or seven numbers: X Y Z [mm] and QW QX QY QZ, "
+        "not all zero.",
     )
 
 

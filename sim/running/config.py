@@ -1,7 +1,7 @@
 """An episode as plain data, in the units that people type: what the command line, study files and config.json hold.
 
-Fields are known by their own names, whatever group they stand in; `sim.running.fields` looks at them so. How the data
-becomes scenario, planner, sensor, map and motion is told in `sim.running.parts`.
+Fields are known by their own names, whatever group they stand in; `sim.running.fields` finds them by name.
+`sim.running.parts` makes scenario, planner, sensor, map and motion from the data.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ Frames = Literal["each", "last", "none"]
 MapName = Literal["paper", "calibrated"]
 PlanFor = Literal["tumours", "target"]
 ALWAYS, WHEN_NEEDED = "always", "when-needed"
-"""When the built-in map is kept."""
+"""The choices of when the built-in map is kept."""
 CONE = "cone"
-"""The paper's sensor, which is exact."""
+"""The name of the paper's sensor, which is exact."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensingConfig:
-    """What a contact of the probe senses."""
+    """What a contact of the probe senses, and options of your own sensor."""
 
     cone_half_angle_deg: float | None = None
-    """Half-angle of the probe's cone [degrees]; the scenario's by default: 11.5, for the liver 15."""
+    """Half-angle of the probe's cone [degrees]; by default that of the scenario, 11.5, or 15 for the livers."""
     cone_depth_mm: float | None = None
-    """Depth of the probe's cone [mm]; the scenario's by default: 102, for the liver 130."""
+    """Depth of the probe's cone [mm]; by default that of the scenario, 102, or 130 for the livers."""
     sensor_option: tuple[str, ...] = ()
-    """Options of a sensor of one's own, as name=value: the keyword arguments of its class."""
+    """Options of your own sensor as name=value, which are the keyword arguments of its class."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanningConfig:
-    """What the planner is shown, and options of a planner of one's own."""
+    """What the planner is shown, and options of your own planner."""
 
     plan_for: PlanFor = "tumours"
-    """Whose map the planner is shown, tumours or target; until_sensed goes with it."""
+    """Whose map the planner is shown, and whose share `until_sensed` means: tumours or target (the second class)."""
     planner_option: tuple[str, ...] = ()
-    """Options of a planner of one's own, as name=value: the keyword arguments of its class."""
+    """Options of your own planner as name=value, which are the keyword arguments of its class."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +53,12 @@ class FindAndOutlineConfig:
     """Options of the planner find-and-outline."""
 
     travel_weight: float = 0.0
-    """How much a second of transfer counts against one of sensing. 0 gives the fewest actions; docs/results.md tells
-    what more brings."""
+    """How much a second of transfer counts against a second of sensing. 0 gives the fewest actions; docs/results.md
+    tells what larger weights bring."""
     batch: int = 1
-    """Poses that its search chooses together; it takes the first on the shortest way through them."""
+    """Number of poses that the search chooses together, of which it takes the first on the shortest way through all."""
     sure_radius_mm: float = 8.0
-    """Its confidence, and so until_confident, speaks of tumours of this radius and more [mm]."""
+    """Least radius of the tumours that the planner's confidence, and so `until_confident`, is about [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,15 +66,16 @@ class ExpectedImprovementConfig:
     """Options of the planner expected-improvement."""
 
     ei_values: Literal["latent", "probability"] = "latent"
-    """Expected improvement of the map's latent or of its probability."""
+    """What is to improve: the map's latent or its probability."""
     ei_pose_rule: Literal["best-aligned", "first-within-threshold"] = "best-aligned"
-    """Which pose looks at the point of highest expected improvement."""
+    """Which pose looks at the point of highest expected improvement: the best aligned one, or the first that is aligned
+    to within `ei_threshold_deg`."""
     ei_threshold_deg: float = 5.0
-    """Largest misalignment for first-within-threshold [degrees]."""
+    """Largest misalignment of a pose under the rule first-within-threshold [degrees]."""
     ei_exclusion_share: float = 0.28
-    """Poses nearer to a sensed one than this share of the radius of the cone's base are chosen last."""
+    """Poses nearer to a sensed pose than this share of the radius of the cone's base are chosen last."""
     ei_reuse_poses: bool = False
-    """Let expected improvement return to poses that were sensed already."""
+    """Let the planner return to poses that were sensed already."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,24 +83,33 @@ class MappingConfig:
     """The map of the tumours."""
 
     map: str = ALWAYS
-    """always keeps the built-in map. when-needed leaves it out where the planner needs none: far faster, and only the
-    share of the tumours sensed is scored. package.module:Class keeps a map of one's own."""
+    """Map to keep: always (the built-in map), when-needed (the built-in map only for a planner that needs it; without a
+    map an episode is far faster, and only the share of the tumours sensed is scored), or your own as
+    package.module:Class."""
     map_option: tuple[str, ...] = ()
-    """Options of a map of one's own, as name=value: the keyword arguments of its class."""
+    """Options of your own map as name=value, which are the keyword arguments of its class."""
     map_form: Literal["full", "diagonal"] = "full"
-    """full keeps the covariance of the map's weights, diagonal only their variances (faster, far worse)."""
+    """What the map keeps: full (the covariance of its weights) or diagonal (only their variances, which is faster and
+    far worse)."""
     map_settings: MapName | None = None
-    """By default what the planner prefers: paper for expected-improvement and the baselines, calibrated for all
-    others. paper is what the paper assumes, half of the organ tumour, under which expected improvement explores;
-    calibrated expects 2 per cent, and its probabilities mean what they say."""
+    """Settings of the map, by default those that the planner prefers: paper for expected-improvement and the baselines,
+    calibrated for all others. paper expects half of the organ to be tumour, as the paper does, under which expected
+    improvement explores; calibrated expects 2 per cent, and its probabilities mean what they say."""
     map_insets: Literal["on", "off"] | None = None
-    """Finer maps laid in where tumour was sensed; by default on with calibrated settings and off with the paper's."""
+    """Whether finer maps are laid in where tumour was sensed; by default on with calibrated settings, and off with
+    those of the paper."""
     prior_prevalence: float | None = None
-    """Share of the organ expected to be tumour before anything is sensed, in place of that of map_settings."""
+    """Share of the organ that is expected to be tumour before anything is sensed, in place of that of
+    `map_settings`."""
     weight_variance: float | None = None
-    """Prior variance of each of the map's weights, in place of that of map_settings."""
+    """Prior variance of each of the map's weights, in place of that of `map_settings`."""
     em_iterations: int | None = None
     """Rounds of the variational bound within one reading."""
+    false_positive_rate: float | None = None
+    """Share of free points that the map takes the sensor to call tumour; 0 by default, and the two rates add up to less
+    than 1."""
+    false_negative_rate: float | None = None
+    """Share of tumour points that the map takes the sensor to call free; 0 by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,11 +117,11 @@ class MountingConfig:
     """How the arm is mounted."""
 
     flange: str | None = None
-    """Site of the arm that carries the probe; by default the first of flange and attachment_site that it has."""
+    """Site of the arm that carries the probe; by default flange or, where the arm has none, attachment_site."""
     base_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0
-    """How the base is turned about the vertical [degrees]."""
+    """Angle by which the base is turned about the vertical [degrees]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,24 +129,28 @@ class MovingConfig:
     """How the probe gets from pose to pose, and how long a sensing action takes."""
 
     motion: MotionKind = "kinematic"
-    """kinematic (along a timed, collision-free path), servo (the same path sent to simulated servos, the probe pressing
-    on a compliant organ), none (the probe jumps; cheapest, the time is estimated)."""
+    """Motion of the probe: kinematic (along a timed, collision-free path), servo (the same path sent to simulated
+    servos, with the probe pressing on a compliant organ), or none (the probe jumps, which is cheapest, and its time is
+    estimated)."""
     joint_speed: float | None = None
-    """Speed limit of every joint [rad/s, slides m/s]. The published ones for the default arm, 1.0 for any other."""
+    """Speed limit of every joint [rad/s, or m/s of a slide]; by default those published for the default arm, and 1.0
+    for any other."""
     joint_acceleration: float | None = None
-    """Acceleration limit of every joint [rad/s^2, slides m/s^2]. Published for the default arm, 4.0 for any other."""
+    """Acceleration limit of every joint [rad/s^2, or m/s^2 of a slide]; by default those published for the default arm,
+    and 4.0 for any other."""
     tip_speed_mm_s: float = 250.0
     """Speed limit of the probe's tip between poses [mm/s]."""
     approach_speed_mm_s: float = 50.0
     """Speed limit of the tip on its way to and from the organ [mm/s]."""
     press_mm: float = 2.0
-    """With servo motion: how far below the surface the tip is sent [mm]."""
+    """How far below the surface servo motion sends the tip [mm]."""
     stiffness_n_m: float | None = None
-    """With servo motion: spring of the organ under the tip [N/m]; 87, healthy liver under the probe's face."""
+    """Stiffness of the organ under the tip in servo motion [N/m]; by default 87, that of healthy liver under the
+    probe's face."""
     force_limit_n: float = 5.0
-    """With servo motion: contact force at which the arm stops and the run ends [N]."""
+    """Contact force at which the arm stops and the run ends in servo motion [N]."""
     sensing_s: float = 2.0
-    """Modelled time of one sensing action [s], which adds to the procedure's."""
+    """Modelled time of one sensing action [s], which is a part of the procedure's time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,38 +167,38 @@ class OutputConfig:
 class EpisodeConfig:
     """Run one headless episode: sense, map, plan, move, until the steps are used up.
 
-    Writes config.json, manifest.json, steps.csv, states.csv, summary.json, map.npz, figures and frames to the output
-    folder as it goes; stopping it at any moment keeps what was done.
+    The output folder gets config.json, manifest.json, steps.csv, states.csv, summary.json, map.npz, figures and frames.
+    It is written as the episode goes, so stopping the episode at any moment keeps what was done.
     """
 
     scenario: str = "liver"
-    """sphere, spheres (the paper's synthetic organ with 1 or 3 tumours), liver, generated-liver (another for each
-    seed), or the path of a scenario .toml."""
+    """Scenario: sphere or spheres (the paper's synthetic organ with 1 or 3 tumours), liver, generated-liver (a new one
+    for each seed), or the path of a scenario file (.toml)."""
     organ: Path | None = None
-    """Replace the scenario's organ by this mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd)."""
+    """Mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd) that replaces the scenario's organ."""
     planner: str = "find-and-outline"
-    """What chooses the next pose: find-and-outline, expected-improvement (the paper's), random, multi-resolution, or a
-    planner of one's own as package.module:Class."""
+    """What chooses the next pose: find-and-outline, expected-improvement (the paper's), random, multi-resolution, or
+    your own planner as package.module:Class."""
     sensor: str = CONE
-    """What turns a contact into a reading: cone (the paper's, exact), or a sensor of one's own as
+    """What turns a contact into a reading: cone (the paper's, which is exact), or your own sensor as
     package.module:Class."""
     steps: int = 30
-    """Sensing actions at most, from 1 to 14400."""
+    """Largest number of sensing actions, from 1 to 14400."""
     until_sensed: float | None = None
     """Stop as soon as this share of the tumours was sensed, for example 0.95."""
     until_confident: float | None = None
     """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95."""
     seed: int = 0
-    """Seed of everything random. Planners given one seed face the same tumours."""
+    """Seed of everything random. Planners that are given one seed face the same tumours."""
     arm: str = "default"
-    """default (the embedded 7-joint arm), ur5e (with the extra `arms`), none (a free-flying probe), or the path of any
-    MJCF arm."""
+    """Arm that carries the probe: default (the embedded one with 7 joints), ur5e (with the extra `arms`), none (a
+    free-flying probe), or the path of an MJCF file."""
     frames: Frames = "none"
-    """Pictures of the scene: each (one per action), last (the final one), none."""
+    """Pictures of the scene to draw: each (one per action), last (only the final one), or none."""
     out: Path | None = None
-    """Folder to write to; renders/<scenario>-<planner>-<seed> by default."""
+    """Folder to write to; by default renders/<scenario>-<planner>-<seed>."""
     config: Path | None = None
-    """Take the options of an earlier run from its config.json; those given beside it take precedence."""
+    """Take the options of an earlier run from its config.json; options that are given beside it take precedence."""
     case: CaseConfig = field(default_factory=CaseConfig)
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
     sensing: SensingConfig = field(default_factory=SensingConfig)
@@ -199,13 +213,25 @@ class EpisodeConfig:
     def __post_init__(self) -> None:
         """Validate what the parts do not."""
         if not 1 <= self.steps <= 14_400:
-            raise FieldError("steps", self.steps, "from 1 to 14400.")
+            raise FieldError("steps", self.steps, "must be from 1 to 14400.")
         if self.until_sensed is not None and not 0.0 < self.until_sensed <= 1.0:
-            raise FieldError("until_sensed", self.until_sensed, "above 0 and at most 1.")
+            raise FieldError("until_sensed", self.until_sensed, "must be above 0 and at most 1.")
         if self.until_confident is not None and not 0.0 < self.until_confident < 1.0:
-            raise FieldError("until_confident", self.until_confident, "between 0 and 1, both excluded.")
+            raise FieldError(
+                "until_confident", self.until_confident, "must be between 0 and 1, both excluded."
+            )
         if self.seed < 0:
-            raise FieldError("seed", self.seed, "0 or more.")
+            raise FieldError("seed", self.seed, "must be 0 or more.")
+        self._check_names()
+        if self.moving.motion == "servo" and self.arm == "none":
+            raise FieldError(
+                "motion", "servo", "a free-flying probe has no servos. Name an arm, or leave `motion` out."
+            )
+        self.case.check(self.organ)
+
+    def _check_names(self) -> None:
+        """Check that planner, sensor and map are known or brought along."""
+        kept = self.mapping.map
         if self.planner not in planner_names() and not is_plug(self.planner, PLANNER):
             known = ", ".join(planner_names())
             raise FieldError(
@@ -213,13 +239,7 @@ class EpisodeConfig:
             )
         if self.sensor != CONE and not is_plug(self.sensor, SENSOR):
             raise FieldError("sensor", self.sensor, f"choose {CONE}, or name yours as package.module:Class.")
-        kept = self.mapping.map
         if kept not in (ALWAYS, WHEN_NEEDED) and not is_plug(kept, MAP):
             raise FieldError(
                 "map", kept, f"choose {ALWAYS} or {WHEN_NEEDED}, or name your map as package.module:Class."
             )
-        if self.moving.motion == "servo" and self.arm == "none":
-            raise FieldError(
-                "motion", "servo", "a free-flying probe has no servos. Name an arm, or leave `motion` out."
-            )
-        self.case.check(self.organ)

@@ -1,9 +1,12 @@
-"""The file config.json of a run: its configuration, and what that stands for. It is enough to run the episode again."""
+"""The file config.json of a run: its configuration and what that stands for, enough to run the episode again."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +20,7 @@ from .parts import EpisodeParts
 
 
 def run_config(parts: EpisodeParts, setup: Setup, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything needed to repeat the run: the options and what they stand for."""
+    """Everything that is needed to repeat a run: the options and what they stand for."""
     return {
         "options": dict(options),
         "scenario": scenario_record(setup.scenario),
@@ -32,15 +35,38 @@ def run_config(parts: EpisodeParts, setup: Setup, options: Mapping[str, Any]) ->
     }
 
 
+OPTIONS_OF = {"planner": "planner_option", "sensor": "sensor_option", "map": "map_option"}
+"""The field that holds the options of what a user brings in the place of another."""
+
+
 def recorded_config(config: EpisodeConfig, brought: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """The configuration as config.json keeps it.
 
     Args:
         config: What was run.
         brought: Objects that were given in memory, by the name of the field in whose place they stand. Each is told by
-            the text that names its class; a run repeats from it only where the class needs no options.
+            the text that names its class, and a dataclass by its settings too, so that the run repeats from them. A
+            scenario is told by its name only.
     """
-    return recorded(config) | {name: text_of(thing) for name, thing in (brought or {}).items()}
+    values = recorded(config)
+    for name, thing in (brought or {}).items():
+        values[name] = text_of(thing)
+        if name in OPTIONS_OF:
+            values[OPTIONS_OF[name]] = option_words(thing)
+    return values
+
+
+def option_words(thing: Any) -> list[str]:
+    """The settings of a dataclass's object that differ from their defaults, as name=value; only numbers and texts."""
+    if isinstance(thing, type) or not dataclasses.is_dataclass(thing):
+        return []
+    values = {field.name: getattr(thing, field.name) for field in dataclasses.fields(thing) if field.init}
+    defaults = {field.name: field.default for field in dataclasses.fields(thing)}
+    return [
+        f"{name}={json.dumps(value)}"
+        for name, value in values.items()
+        if isinstance(value, bool | int | float | str) and value != defaults[name]
+    ]
 
 
 def text_of(thing: Any) -> str:
@@ -48,4 +74,12 @@ def text_of(thing: Any) -> str:
     if hasattr(thing, "n_tumours"):
         return str(thing.name)
     named = thing if hasattr(thing, "__qualname__") else type(thing)
-    return f"{named.__module__}:{named.__qualname__}"
+    return f"{_module_name(named)}:{named.__qualname__}"
+
+
+def _module_name(named: Any) -> str:
+    """The module that defines a class, as others import it: a script that is running is called __main__ by itself."""
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    if named.__module__ == "__main__" and script is not None:
+        return Path(script).stem
+    return named.__module__

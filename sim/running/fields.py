@@ -32,7 +32,7 @@ def field_names() -> tuple[str, ...]:
 
 @lru_cache(maxsize=1)
 def _places() -> dict[str, tuple[str | None, Any, Any]]:
-    """Group, type and default of each field; the group is None for those outside."""
+    """The group, type and default of each field; the group is None for a field outside groups."""
     kinds = typing.get_type_hints(EpisodeConfig)
     outside = {
         field.name: (None, kinds[field.name], field.default) for field in dataclasses.fields(EpisodeConfig)
@@ -52,7 +52,7 @@ def _places() -> dict[str, tuple[str | None, Any, Any]]:
 
 
 def default_of(name: str) -> Any:
-    """The value of a field that nobody sets, as plain data."""
+    """The value of a field that is not set, as plain data."""
     return plain(_places()[name][2])
 
 
@@ -63,14 +63,14 @@ def value_of(config: EpisodeConfig, name: str) -> Any:
 
 
 def config_of(values: Mapping[str, Any] | None = None, /, **more: Any) -> EpisodeConfig:
-    """The configuration with these values of fields by name, and the defaults of all others.
+    """The configuration with some values of fields, and the defaults of all others.
 
     Args:
-        values: By name.
-        more: Likewise, as keyword arguments.
+        values: Values by the names of their fields.
+        more: Further values, as keyword arguments.
 
     Raises:
-        UsageError: An unknown name, a value of another type, or values that do not go together.
+        UsageError: A name is unknown, a value has another type, or values do not go together.
     """
     return changed(EpisodeConfig(), **(values or {}), **more)
 
@@ -79,13 +79,13 @@ def changed(config: EpisodeConfig, **values: Any) -> EpisodeConfig:
     """The configuration with other values of some fields.
 
     Raises:
-        UsageError: An unknown name, a value of another type, or values that do not go together.
+        UsageError: A name is unknown, a value has another type, or values do not go together.
     """
     outside: dict[str, Any] = {}
     inside: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         if name not in _places():
-            raise UsageError(f"unknown option {name!r}. There are: {', '.join(field_names())}.")
+            raise UsageError(f"unknown option {name!r}. Known options: {', '.join(field_names())}.")
         group = _places()[name][0]
         (outside if group is None else inside.setdefault(group, {}))[name] = converted(name, value)
     groups = {group: dataclasses.replace(getattr(config, group), **own) for group, own in inside.items()}
@@ -98,31 +98,34 @@ def flat(config: EpisodeConfig) -> dict[str, Any]:
 
 
 def recorded(config: EpisodeConfig) -> dict[str, Any]:
-    """What config.json keeps of a configuration: paths are absolute, so that the run repeats from any folder."""
+    """The values that config.json keeps of a configuration: paths are absolute, so a run repeats from any folder."""
     values = {name: value_of(config, name) for name in field_names() if name not in OF_THE_CALL}
     return {name: plain(_absolute(name, value)) for name, value in values.items()}
 
 
-def read_config(path: Path) -> dict[str, Any]:
-    """The values of fields that a run's config.json holds, for `config_of`.
+def read_config(path: Path) -> EpisodeConfig:
+    """The configuration that a run's config.json holds; fields that it does not name have their defaults.
 
     Raises:
         UsageError: The file cannot be read, or is not that of an episode.
     """
     try:
-        options = json.loads(path.read_text(encoding="utf-8"))["options"]
-        values = {name: value for name, value in options.items() if name not in OF_THE_CALL}
-        if not {"scenario", "planner", "seed"} <= values.keys():
-            raise KeyError("scenario, planner or seed")
+        content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror}). Name a run's config.json.") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{path}: is not the config.json of an episode ({error}).") from error
-    return values
+    except ValueError as error:
+        raise UsageError(f"{path}: is not JSON ({error}). Name a run's config.json.") from error
+    options = content.get("options") if isinstance(content, dict) else None
+    if not (isinstance(options, dict) and {"scenario", "planner", "seed"} <= options.keys()):
+        raise UsageError(f"{path}: is not the config.json of an episode. Name one that a run wrote.")
+    try:
+        return config_of({name: value for name, value in options.items() if name not in OF_THE_CALL})
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
 
 
 def converted(name: str, value: Any) -> Any:
-    """A value as the field's type has it: a whole number where a float is due, a text where a path is.
+    """A value in the type of its field: a whole number may stand for a float, a text for a path, a list for a tuple.
 
     Raises:
         UsageError: The value has another type.
@@ -133,11 +136,11 @@ def converted(name: str, value: Any) -> Any:
     for kind in _kinds(hint):
         if (found := _converted(kind, value)) is not None:
             return found
-    raise UsageError(f"{name}={value!r}: {_wanted(hint)}.")
+    raise UsageError(f"{name}={value!r}: must be {_wanted(hint)}.")
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON and TOML have it: tuples are lists, paths are text."""
+    """A value as JSON and TOML have it: tuples become lists, and paths texts."""
     if isinstance(value, tuple):
         return [plain(each) for each in value]
     return str(value) if isinstance(value, Path) else value
@@ -154,7 +157,7 @@ def _absolute(name: str, value: Any) -> Any:
 
 
 def _converted(kind: Any, value: Any) -> Any:
-    """The value as that type, None where it is none."""
+    """The value in a type, None where it has no such form."""
     if typing.get_origin(kind) is Literal:
         return value if value in typing.get_args(kind) else None
     if typing.get_origin(kind) is tuple:
@@ -167,7 +170,7 @@ def _converted(kind: Any, value: Any) -> Any:
 
 
 def _converted_items(kinds: tuple[Any, ...], value: Any) -> tuple[Any, ...] | None:
-    """The items of a list as a tuple's type has them, None where one is none or the number is another."""
+    """The items of a list in the types of a tuple's; None where one has no such form, or their number is another."""
     if not isinstance(value, list | tuple) or (kinds[-1] is not Ellipsis and len(value) != len(kinds)):
         return None
     items = tuple(_converted(kinds[0], each) for each in value)
@@ -180,6 +183,7 @@ def _kinds(hint: Any) -> tuple[Any, ...]:
 
 
 def _wanted(hint: Any) -> str:
+    """What a value of a type has to be, in words."""
     return " or ".join(_in_words(kind) for kind in _kinds(hint) if kind is not types.NoneType)
 
 
@@ -197,7 +201,7 @@ def _in_words(kind: Any) -> str:
 
 
 def leaf_fields(owner: type[Any]) -> Iterator[str]:
-    """The names of all fields of a configuration's class, groups opened."""
+    """The names of all fields of a configuration's class, with those of groups in their place."""
     for field in dataclasses.fields(owner):
         kind = typing.get_type_hints(owner)[field.name]
         if dataclasses.is_dataclass(kind):

@@ -35,15 +35,15 @@ class EpisodeParts:
     """Makes the map of the tumours, and that of a second class; None where no map is kept."""
     map_settings: MapSettings
     insets: InsetSettings | None
-    """Of the finer maps laid in where tumour was sensed; None for none."""
+    """Settings of finer maps, which are laid in where tumour was sensed; None for no finer maps."""
     arm: ArmModel | None
-    """None for a free-flying probe."""
+    """The arm where it stands; None for a free-flying probe."""
     motion: MotionKind
     motion_settings: MotionSettings
     servo_settings: ServoSettings
     seed: int
     n_steps: int
-    """Sensing actions at most."""
+    """Largest number of sensing actions."""
     until_sensed: float | None
     """Share of the tumours sensed at which the episode ends; None for never."""
     until_confident: float | None
@@ -71,10 +71,10 @@ def make_parts(
 
     Args:
         config: What to run.
-        scenario: In place of the one that the configuration names.
-        planner: Likewise; the map's settings are those that this planner prefers, unless the configuration names them.
-        sensor: Likewise.
-        make_map: Likewise.
+        scenario: A scenario in place of the one that the configuration names.
+        planner: A planner in its place. The map has the settings that it prefers, unless the configuration names them.
+        sensor: A sensor in its place.
+        make_map: What makes the map, in its place.
 
     Raises:
         UsageError, WorldError, PlannerError: Something cannot be made.
@@ -102,7 +102,7 @@ def make_parts(
 
 
 def check_config(config: EpisodeConfig) -> None:
-    """Nothing, if all parts but what a user brings by text can be made; called early, before much is built.
+    """Check that all parts but those that a user brings by text can be made; done early, before much is built.
 
     Raises:
         UsageError, PlannerError: A value is out of range.
@@ -119,7 +119,7 @@ def scenario_of(config: EpisodeConfig, scenario: Scenario | None = None) -> Scen
 
     Args:
         config: What to run.
-        scenario: In place of the one that the configuration names.
+        scenario: A scenario in place of the one that the configuration names.
 
     Raises:
         UsageError: There is no such scenario, or a value is out of range.
@@ -137,25 +137,22 @@ def scenario_of(config: EpisodeConfig, scenario: Scenario | None = None) -> Scen
         raise FieldError(
             "plan_for",
             "target",
-            "there is none. Name its bodies with `target` or `target_label`, or leave it out.",
+            "there is no second class. Name its bodies with `target` or `target_label`, or leave it out.",
         )
     return scenario
 
 
 def planner_of(config: EpisodeConfig) -> Planner:
-    """The planner with its options.
+    """The planner of a configuration, with its options.
 
     Raises:
-        PlannerError, PlugError: It cannot be made.
+        PlannerError, PlugError: The planner cannot be made.
     """
     if config.planner not in planner_names():
         return _own(config.planner, PLANNER, config.planning.planner_option)
-    if config.planning.planner_option:
-        raise FieldError(
-            "planner_option",
-            config.planning.planner_option,
-            f"goes with a planner of your own; {config.planner} has options of their own names.",
-        )
+    _refuse_options(
+        "planner_option", config.planning.planner_option, f"planner of your own; {config.planner}"
+    )
     if config.planner == "find-and-outline":
         own = config.find_and_outline
         return make_planner(
@@ -178,14 +175,15 @@ def planner_of(config: EpisodeConfig) -> Planner:
 
 
 def sensor_of(config: EpisodeConfig) -> Sensor:
-    """The sensor with its options.
+    """The sensor of a configuration, with its options.
 
     Raises:
-        PlugError: It cannot be made.
+        PlugError: The sensor cannot be made.
     """
     from sim.world.sensing.cone_sensor import ConeSensor
 
     if config.sensor == CONE:
+        _refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {CONE}")
         return ConeSensor()
     return _own(config.sensor, SENSOR, config.sensing.sensor_option)
 
@@ -203,6 +201,8 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
         "prior_prevalence": own.prior_prevalence,
         "weight_variance": own.weight_variance,
         "n_em_iterations": own.em_iterations,
+        "false_positive_rate": own.false_positive_rate,
+        "false_negative_rate": own.false_negative_rate,
     }
     try:
         return dataclasses.replace(
@@ -213,14 +213,14 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
 
 
 def insets_of(config: EpisodeConfig, planner: Planner) -> InsetSettings | None:
-    """Settings of the finer maps; None for none."""
+    """The settings of finer maps; None for no finer maps."""
     wanted = config.mapping.map_insets
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
     return InsetSettings() if is_on else None
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:
-    """Speeds and times of the motion.
+    """The speeds and times of the motion.
 
     Raises:
         UsageError: A value is out of range.
@@ -239,7 +239,7 @@ def motion_settings_of(config: EpisodeConfig) -> MotionSettings:
 
 
 def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
-    """Settings of the simulated arm.
+    """The settings of the simulated arm.
 
     Raises:
         UsageError: A value is out of range.
@@ -253,12 +253,14 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
 
 
 def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
-    """What makes the map, None where none is kept."""
+    """What makes the map; None where no map is kept."""
     kept = config.mapping.map
     if kept not in (ALWAYS, WHEN_NEEDED):
-        load_plug(kept, MAP)  # a text that leads nowhere is told before anything is built
+        # A text that leads nowhere is told before anything is built.
+        load_plug(kept, MAP)
         options = parse_plug_options(config.mapping.map_option)
         return lambda space: make_plug(kept, MAP, options, space)
+    _refuse_options("map_option", config.mapping.map_option, "map of your own; the built-in map")
     is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
     return make_hilbert_map if is_kept else None
 
@@ -268,5 +270,11 @@ def _map_name(config: EpisodeConfig, planner: Planner) -> str:
 
 
 def _own(text: str, kind: Any, words: tuple[str, ...]) -> Any:
-    """What a user brings by text, made with its options."""
+    """What a user brings along by text, made with its options."""
     return make_plug(text, kind, parse_plug_options(words))
+
+
+def _refuse_options(field: str, words: tuple[str, ...], whose: str) -> None:
+    """Refuse options of a plug where there is none."""
+    if words:
+        raise FieldError(field, words, f"goes with a {whose} has options of their own names, if any.")

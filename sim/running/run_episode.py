@@ -24,15 +24,15 @@ from sim.findings.structure_distances import distance_rows
 from sim.interrupt import NotedInterrupt
 from sim.notices import Notify, print_notice
 from sim.pictures.frames import EpisodeFrames
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
-from sim.record.step_files import write_map, write_step
+from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion
 from sim.world.scene.rendering import SceneRenderer
 
 from .config import EpisodeConfig, Frames
 from .config_file import recorded_config, run_config
-from .fields import changed
+from .fields import changed, read_config
 from .parts import EpisodeParts, make_parts
 from .summary import Totals, episode_summary
 
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
     from sim.world.sensing.sensor import Sensor
 
 _MANY_SKIPPED = 100
-"""Poses in a row out of the arm's reach from which on that is worth a word."""
+"""A notice is given when this many poses in a row are out of the arm's reach."""
 _SKIPPED_NOTE = (
     f"note: the arm reaches none of the {_MANY_SKIPPED} poses chosen last; still looking for one that it reaches. "
-    "`sounding reach` with the same arm and organ shows where there are any; the organ pose `best` moves the organ."
+    "`sounding reach` with the same arm and organ shows which it reaches; the organ pose `best` moves the organ."
 )
 
 
@@ -59,53 +59,58 @@ class Output:
     frames: Frames = "none"
     report: bool = True
     overwrite: bool = False
-    """Replace a run that the folder already holds."""
+    """Whether a run that the folder already holds is replaced."""
 
 
 def run_episode(
     *,
-    scenario: Scenario | str = "liver",
-    planner: Planner | str = "find-and-outline",
-    sensor: Sensor | str = "cone",
-    tumour_map: TumourMapFactory | str = "always",
+    scenario: Scenario | str | None = None,
+    planner: Planner | str | None = None,
+    sensor: Sensor | str | None = None,
+    tumour_map: TumourMapFactory | str | None = None,
+    config: Path | str | None = None,
     show_progress: bool = True,
     **options: Any,
 ) -> dict[str, Any]:
     """Run an episode and write its folder, with report and everything, as `sounding episode` does.
 
     Args:
-        scenario: A scenario, or what `--scenario` takes.
-        planner: A planner, or what `--planner` takes. The map has the settings that it prefers.
-        sensor: A sensor, or what `--sensor` takes.
-        tumour_map: What makes the map, such as a class of one's own; or what `--map` takes.
+        scenario: A scenario, or the text that names one, such as the path of a scenario's file; by default `liver`.
+        planner: A planner, or the text that names one; by default `find-and-outline`. The map has the settings that it
+            prefers.
+        sensor: A sensor, or the text that names one; by default `cone`.
+        tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` (the default)
+            or `when-needed`.
+        config: The config.json of an earlier run, which is run again; what is given beside it takes precedence.
         show_progress: Draw a progress bar and print notes on stderr.
-        options: All other options of `sounding episode` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
+        options: All other fields of an `EpisodeConfig` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
 
     Returns:
         The summary, as summary.json has it.
 
     Raises:
-        UsageError, WorldError, PlannerError: Something cannot be done; nothing was written then.
-        KeyboardInterrupt: Again, after what was done has been written.
+        UsageError, WorldError, PlannerError: Something cannot be done, and nothing was written.
+        KeyboardInterrupt: Ctrl-C was pressed; what was done has been written.
     """
     given = {"scenario": scenario, "planner": planner, "sensor": sensor, "map": tumour_map}
     named = {name: value for name, value in given.items() if isinstance(value, str)}
-    config = changed(EpisodeConfig(), **named, **options)
-    brought = {name: value for name, value in given.items() if not isinstance(value, str)}
+    brought = {name: value for name, value in given.items() if name not in named and value is not None}
+    base = EpisodeConfig() if config is None else read_config(Path(config))
+    run = changed(base, **named, **options)
     parts = make_parts(
-        config,
+        run,
         scenario=brought.get("scenario"),
         planner=brought.get("planner"),
         sensor=brought.get("sensor"),
         make_map=brought.get("map"),
     )
-    record = recorded_config(config, brought)
+    record = recorded_config(run, brought)
     parts = replace(parts, names=parts.names | {"planner": record["planner"]})
-    return record_episode(parts, output_of(config, parts, record), show_progress=show_progress)
+    return record_episode(parts, output_of(run, parts, record), show_progress=show_progress)
 
 
 def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:
-    """Where and what a configuration writes; the folder names scenario, planner and seed where it names none."""
+    """What a configuration writes, and where: by default to a folder that is named by scenario, planner and seed."""
     planner = str(parts.names["planner"]).rpartition(":")[2]
     return Output(
         folder=config.out or Path("renders") / f"{parts.scenario.name}-{planner}-{config.seed}",
@@ -123,8 +128,8 @@ def make_episode(
 
     Args:
         parts: What to run.
-        setup: That of the parts' scenario and arm.
-        planner: One that ranks as the parts' planner does, in its place.
+        setup: The setup of the parts' scenario and arm.
+        planner: A planner that ranks as that of the parts does, to take its place.
         casts_rays: Whether readings hold points; see `Episode`.
 
     Raises:
@@ -153,22 +158,22 @@ def record_episode(
     show_progress: bool = True,
     notify: Notify = print_notice,
 ) -> dict[str, Any]:
-    """Run an episode of some parts and write its folder; returns the summary.
+    """Run an episode of some parts, write its folder, and return its summary.
 
     Args:
         parts: What to run.
         output: What to write.
-        setup: That of the parts' scenario and arm, where the caller has it already.
-        show_progress: Draw a progress bar on stderr and tell notices.
-        notify: Tells a notice; on stderr by default.
+        setup: The setup of the parts' scenario and arm, where the caller has it already.
+        show_progress: Whether a progress bar is drawn on stderr, and notices are told.
+        notify: Tells a notice; by default on stderr.
 
     Raises:
-        UsageError, WorldError, PlannerError: Something cannot be done; nothing was written then.
-        KeyboardInterrupt: Again, after what was done has been written.
+        UsageError, WorldError, PlannerError: Something cannot be done, and nothing was written.
+        KeyboardInterrupt: Ctrl-C was pressed; what was done has been written.
     """
     start_s = perf_counter()
     check_out_folder(output.folder, overwrite=output.overwrite)
-    # One BLAS thread: two pools on two threads fight; and bytes repeat.
+    # With one BLAS thread the bytes repeat, and the pools of NumPy and SciPy do not slow each other down.
     with threadpool_limits(limits=1), ExitStack() as stack:
         setup = setup or build_setup(parts.scenario, parts.arm, parts.map_settings)
         episode = make_episode(parts, setup)
@@ -197,7 +202,7 @@ class _EpisodeRun:
         self._has_told_of_reach = False
 
     def run(self, interrupt: NotedInterrupt, start_s: float, *, show_progress: bool) -> dict[str, Any]:
-        """Sense until the end and return the summary; what began at `start_s` was the set-up until now."""
+        """Sense until the end, and return the summary; the time from `start_s` to now was that of the setup."""
         setup_s = perf_counter() - start_s
         try:
             self._sense(interrupt, show_progress=show_progress)
@@ -235,7 +240,7 @@ class _EpisodeRun:
                     raise KeyboardInterrupt
 
     def _tell_skipped(self, progress: tqdm[NoReturn], interrupt: NotedInterrupt, n_in_a_row: int) -> None:
-        """Say how the search for a pose within reach goes, which is long where there is hardly any."""
+        """Tell how the search for a pose within reach goes, which is long where there is hardly any."""
         if interrupt.is_set:
             raise KeyboardInterrupt
         if n_in_a_row < _MANY_SKIPPED:
@@ -247,7 +252,8 @@ class _EpisodeRun:
 
     def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
         """Write the last frame, the final map, the figures and the summary."""
-        from sim.pictures.run_figures import draw_run_figures  # see `_publish`
+        # Imported here for the reason that `_publish` tells.
+        from sim.pictures.run_figures import draw_run_figures
 
         folder, episode, totals, parts = self._folder, self._episode, self._totals, self._parts
         if self._output.frames == "last" and totals.steps:
@@ -271,8 +277,8 @@ class _EpisodeRun:
         return summary
 
     def _publish(self) -> None:
-        """Write what the finished folder holds for others, and its report."""
-        # Imported here: half a second that the workers of trials, which write no folder, need not wait for.
+        """Write the results that are made from the finished folder, and its report."""
+        # Imported here, since it takes half a second, and the workers of trials write no folder.
         from sim.findings.results import write_results
         from sim.record.run_record import load_run
         from sim.report import write_report
@@ -281,6 +287,7 @@ class _EpisodeRun:
         self._folder.finish(self._status)
         if self._output.report:
             write_report(self._folder.path, findings)
+        write_own_maps(self._folder, self._episode)  # last: it is the user's code, and may raise
 
 
 def _postfix(step: Step) -> str:

@@ -1,4 +1,4 @@
-"""The totals: what the steps of an episode add up to, as its summary tells it."""
+"""The summary of an episode, and the totals of its steps that it tells."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from sim.episode.target_belief import TargetBelief
 
 @dataclass
 class Totals:
-    """What the steps so far add up to."""
+    """What the steps of an episode add up to so far."""
 
     steps: list[Step] = field(default_factory=list)
     sensings_to_95: int | None = None
+    """The action after which 95 % of the tumours was sensed; None before it."""
     target_sensings_to_95: int | None = None
-    """The same of a second class."""
+    """The action after which 95 % of a second class was sensed; None before it."""
     n_skipped_poses: int = 0
 
     def add(self, step: Step) -> None:
@@ -35,11 +36,11 @@ class Totals:
             self.target_sensings_to_95 = step.step
 
     def seconds(self) -> dict[str, float]:
-        """Time by part [s]."""
+        """The computing time by part [s]."""
         return {name: sum(getattr(step, name) for step in self.steps) for name in ACTION_SECONDS}
 
     def motion(self) -> dict[str, float | None]:
-        """Modelled time of the procedure and ways of joints and tip."""
+        """The modelled time of the procedure, and the ways of joints and tip."""
         travels_rad = [step.motion.joint_travel_rad for step in self.steps]
         return {
             "motion_s": sum(step.motion.motion_s for step in self.steps),
@@ -52,13 +53,13 @@ class Totals:
 def episode_summary(
     episode: Episode, totals: Totals, metrics: MapMetrics | None, *, seed: int, names: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The results of an episode, as `summary.json` and the rows of trials have them.
+    """The results of an episode, as summary.json and the rows of trials hold them.
 
     Args:
-        episode: After its last step.
-        totals: Of its steps.
-        metrics: Scores of its map; None without one.
-        seed: Of the episode.
+        episode: The episode after its last step.
+        totals: The totals of its steps.
+        metrics: Scores of its map; None without a map.
+        seed: Seed of the episode.
         names: What `planner` and `arm` are called.
     """
     last = totals.steps[-1] if totals.steps else None
@@ -85,7 +86,7 @@ def episode_summary(
 
 
 def _target_summary(target: TargetBelief | None, totals: Totals) -> dict[str, Any]:
-    """What the episode came to in the second class; nothing where there is none."""
+    """The results of an episode in the second class; empty where there is none."""
     if target is None:
         return {}
     last, metrics = totals.steps[-1].target if totals.steps else None, target.metrics()

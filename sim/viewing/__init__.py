@@ -1,1 +1,1 @@
-"""Looking at runs and patients: replay, video, MuJoCo's viewer, Rerun, export to NIfTI, inspection of files."""
+"""Ways to look at runs and patients: replay, video, MuJoCo's viewer, Rerun, export to NIfTI, inspection of files."""

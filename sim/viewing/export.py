@@ -9,11 +9,11 @@ from sim.record.map_volumes import THRESHOLD, map_volumes, read_maps
 
 
 def export_map(folder: Path, out: Path | None = None, *, threshold: float = THRESHOLD) -> list[Path]:
-    """Write the volumes of a run's map; returns the files.
+    """Write the volumes of a run's map, and return the files.
 
     Args:
-        folder: The run's.
-        out: Folder to write to; the run's own by default.
+        folder: The run's folder.
+        out: Folder to write to; by default that of the run.
         threshold: Probability above which a point is labelled tumour, between 0 and 1.
 
     Raises:

@@ -20,7 +20,7 @@ from sim.world.volumes.volume import Volume
 from .inspection_figure import draw_inspection
 
 MOST_LABELS = 30
-"""Labels listed, the largest first."""
+"""Most labels that are listed, the largest first."""
 N_DRAWS = 2000
 """Points drawn in a tumour for its middle and the share of it in the organ."""
 NO_TUMOURS = "tumours: none; `n_tumours` generates some"
@@ -30,18 +30,19 @@ LEAST_INSIDE = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Inspection:
-    """What was found."""
+    """What was found in a patient's files."""
 
     text: str
+    """Lines for a terminal."""
     is_usable: bool
     """Whether an episode would take the file as its organ."""
 
 
 def inspect(files: CaseFiles, picture: Path) -> Inspection:
-    """Look at a patient's files and draw them.
+    """What a patient's files hold and what is wrong with them; they are drawn as well.
 
     Args:
-        files: The files; the organ's is looked at most closely.
+        files: The files; that of the organ is looked at most closely.
         picture: The PNG to draw.
 
     Raises:
@@ -70,7 +71,7 @@ def inspect(files: CaseFiles, picture: Path) -> Inspection:
 
 
 def _volume_lines(volume: Volume) -> list[str]:
-    """The grid, and a line per label."""
+    """A line about the grid, and a line per label."""
     shape, spacing_mm = volume.scan_shape, volume.spacing_m * 1e3
     oblique = f", oblique by {np.rad2deg(volume.obliquity_rad):.1f} degrees" if volume.is_oblique else ""
     lines = [
@@ -94,7 +95,7 @@ def _volume_lines(volume: Volume) -> list[str]:
 
 
 def _pieces(volume: Volume, label: int) -> tuple[int, float, NDArray[np.float64]]:
-    """Number of connected pieces of a label, share of its voxels in the largest, and its extent [mm]."""
+    """The number of connected pieces of a label, the share of its voxels in the largest, and its extent [mm]."""
     mask = volume.labels == label
     part = mask[box_of(mask)]
     pieces = np.empty(part.shape, dtype=np.int32)
@@ -104,7 +105,7 @@ def _pieces(volume: Volume, label: int) -> tuple[int, float, NDArray[np.float64]
 
 
 def _anatomy_lines(loaded: LoadedAnatomy) -> list[str]:
-    """Organ, tumours and structures as Sounding takes them."""
+    """Lines about organ, tumours and structures as Sounding takes them."""
     organ = loaded.organ
     lines = [
         "",
@@ -123,7 +124,7 @@ def _anatomy_lines(loaded: LoadedAnatomy) -> list[str]:
 
 
 def _body_lines(noun: str, bodies: tuple[Solid, ...], organ: Solid) -> list[str]:
-    """Number and volume of the tumours, or of the targets, and a line for each."""
+    """A line about all tumours, or all targets, and a line for each."""
     total_ml, surface = sum(body.volume_m3 for body in bodies) * 1e6, SurfaceDistance(organ)
     share = total_ml * 1e-6 / organ.volume_m3
     return [
@@ -134,7 +135,7 @@ def _body_lines(noun: str, bodies: tuple[Solid, ...], organ: Solid) -> list[str]
 
 
 def _tumour_line(number: int, tumour: Solid, surface: SurfaceDistance) -> str:
-    """Volume, diameter of the ball of equal volume, least depth below the surface, and middle."""
+    """A line of volume, diameter of the ball of equal volume, least depth below the surface, and middle."""
     volume_m3 = tumour.volume_m3
     diameter_mm = np.cbrt(6.0 * volume_m3 / np.pi) * 1e3
     depth_mm = -float(surface.signed_distance_m(tumour.vertices_m).max()) * 1e3
@@ -145,7 +146,7 @@ def _tumour_line(number: int, tumour: Solid, surface: SurfaceDistance) -> str:
 
 
 def _tumour_problems(loaded: LoadedAnatomy) -> list[str]:
-    """Tumours and targets that lie mostly outside the organ."""
+    """A text for each tumour or target that lies mostly outside the organ."""
     problems = []
     names = (*loaded.tumour_names, *loaded.target_names)
     for tumour, name in zip((*loaded.tumours, *loaded.targets), names, strict=True):

@@ -31,12 +31,12 @@ LIGHT = 0.55
 
 
 def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
-    """Writes three views of an anatomy as a PNG: what is in the organ shows through it.
+    """Write three views of an anatomy as a PNG: what is in the organ shows through it.
 
     Args:
         path: The file to write.
         loaded: The anatomy, in patient axes.
-        title: What it is.
+        title: Title of the picture.
     """
     figure = Figure(figsize=(13.2, 5.0), layout="constrained")
     for index, axes in enumerate(figure.subplots(1, 3)):
@@ -53,7 +53,7 @@ def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
 
 
 def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:
-    """Draws one of the views.
+    """Draw one of the views.
 
     Args:
         axes: Where to draw.
@@ -75,7 +75,8 @@ def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:
     margin_mm = 0.06 * (high_mm - low_mm).max()
     axes.set_xlim(low_mm[0] - margin_mm, high_mm[0] + margin_mm)
     y_mm = (low_mm[1] - margin_mm, high_mm[1] + margin_mm)
-    axes.set_ylim(*(y_mm[::-1] if up == 1 else y_mm))  # the front is up, where LPS points to the back
+    # The front is up in the view from the feet, where LPS points to the back.
+    axes.set_ylim(*(y_mm[::-1] if up == 1 else y_mm))
     axes.set_aspect("equal")
     axes.set_xlabel(f"{'LPS'[across]} [mm]   {names[0]}", fontsize=9, color=INK)
     axes.set_ylabel(f"{'LPS'[up]} [mm]   {names[1]}", fontsize=9, color=INK)
@@ -88,7 +89,7 @@ def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:
 def _shaded(
     solid: Solid, plane: tuple[int, int], towards: NDArray[np.float64], colour: str
 ) -> PolyCollection:
-    """The triangles that face the viewer, the nearest last, brighter the more they do."""
+    """The triangles that face the viewer, the nearest last; the more they face the viewer, the brighter they are."""
     facing = solid.face_normals() @ towards
     seen = np.flatnonzero(facing > 0.0)
     triangles_m = solid.vertices_m[solid.faces[seen]]

@@ -7,11 +7,11 @@ import numpy as np
 from sim.record.recording import Recording, set_state
 
 AGREEMENT_M = 1e-6
-"""Recorded tips and those of the recorded states agree to this, or something was changed since."""
+"""Recorded tips and those of the recorded states agree to this, unless something was changed since."""
 
 
 def replay_table(recording: Recording) -> str:
-    """A line per action: states, seconds, ways, and whether forward kinematics finds the tip where it was recorded."""
+    """A table with a line per action: states, times, ways, and whether the states put the tip where it was recorded."""
     data = recording.scene.new_data()
     lines = [f"{'step':>5} {'states':>7} {'motion [s]':>10} {'tip [m]':>8} {'tip to pose [mm]':>17}  states"]
     for index, (step, motion) in enumerate(recording.motions.items()):
@@ -19,7 +19,7 @@ def replay_table(recording: Recording) -> str:
         for state, tip_m in zip(motion.states, motion.tips_m, strict=True):
             set_state(recording.scene, data, state)
             worst_m = max(worst_m, float(np.linalg.norm(data.site(recording.scene.tip_site).xpos - tip_m)))
-        verdict = "as recorded" if worst_m < AGREEMENT_M else f"off by up to {worst_m * 1e3:.3g} mm"
+        agreement = "as recorded" if worst_m < AGREEMENT_M else f"off by up to {worst_m * 1e3:.3g} mm"
         gap = "–"
         if index < len(recording.sensed_m):
             gap_m = np.linalg.norm(motion.tips_m[-1] - recording.sensed_m[index])
@@ -27,7 +27,7 @@ def replay_table(recording: Recording) -> str:
         numbers = (
             f"{step:>5} {len(motion.states):>7} {motion.motion_s:>10.2f} {motion.tip_path_m:>8.3f} {gap:>17}"
         )
-        lines.append(f"{numbers}  {verdict}")
+        lines.append(f"{numbers}  {agreement}")
     n, total_s = len(recording.motions), recording.duration_s
     return "\n".join(
         [*lines, f"{n} actions, procedure {total_s:.1f} s, of which sensing {n * recording.sensing_s:.1f} s"]

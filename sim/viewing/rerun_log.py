@@ -11,7 +11,7 @@ from scipy.special import logit
 from skimage.measure import marching_cubes
 
 from sim.errors import UsageError
-from sim.record.map_field import MapField, called_from
+from sim.record.map_field import called_from
 from sim.record.recording import Recording
 from sim.record.run_record import RunRecord
 from sim.world.solids.solid import Solid
@@ -24,7 +24,7 @@ N_SIDES = 32
 
 
 def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
-    """Write a .rrd file; returns the number of actions in it.
+    """Write a .rrd file, and return the number of actions in it.
 
     Raises:
         UsageError: Rerun is not installed.
@@ -36,17 +36,7 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream("sounding", recording_id=record.folder.resolve().name)
     stream.save(str(path))
-    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    stream.log("world/organ", _mesh(rr, record.anatomy.organ, ORGAN), static=True)
-    for i, tumour in enumerate(record.anatomy.tumours):
-        stream.log(f"world/tumours/{i + 1}", _mesh(rr, tumour, TRUTH), static=True)
-    for i, target in enumerate(record.target.anatomy.tumours if record.target else ()):
-        stream.log(f"world/targets/{i + 1}", _mesh(rr, target, SECOND), static=True)
-    for i, structure in enumerate(record.anatomy.structures):
-        colour = KEEPOUT if structure.is_keepout else STRUCTURE
-        entity: list[object] = ["world", "structures", f"{i + 1} {structure.name}"]
-        stream.log(entity, _mesh(rr, structure.solid, colour), static=True)
-    stream.log("world/probe/cone", _cone(rr, record), static=True)
+    _log_scene(rr, stream, record)
     began_s = 0.0
     for index, T in enumerate(record.T_world_probe):
         motion = recording.motions[index + 1]
@@ -59,6 +49,21 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
         began_s += recording.sensing_s
     stream.flush()
     return record.n_steps
+
+
+def _log_scene(rr: Any, stream: Any, record: RunRecord) -> None:
+    """Log what stays as it is during the run."""
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    stream.log("world/organ", _mesh(rr, record.anatomy.organ, ORGAN), static=True)
+    for i, tumour in enumerate(record.anatomy.tumours):
+        stream.log(f"world/tumours/{i + 1}", _mesh(rr, tumour, TRUTH), static=True)
+    for i, target in enumerate(record.target.anatomy.tumours if record.target else ()):
+        stream.log(f"world/targets/{i + 1}", _mesh(rr, target, SECOND), static=True)
+    for i, structure in enumerate(record.anatomy.structures):
+        colour = KEEPOUT if structure.is_keepout else STRUCTURE
+        entity: list[object] = ["world", "structures", f"{i + 1} {structure.name}"]
+        stream.log(entity, _mesh(rr, structure.solid, colour), static=True)
+    stream.log("world/probe/cone", _cone(rr, record), static=True)
 
 
 def _set_time(stream: Any, action: int, time_s: float) -> None:
@@ -87,23 +92,18 @@ def _log_action(rr: Any, stream: Any, record: RunRecord, index: int, T: NDArray[
 
 
 def _map_surface(record: RunRecord, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
-    """Where the map after an action begins to call points tumour; None where it calls none."""
+    """The surface around what a map calls tumour, empty where it calls nothing so; None where the map was not kept."""
     field = record.field
     if field is None or step not in record.history:
         return None
+    level = float(logit(called_from(record.config["map"]["prior_prevalence"])))
     block = np.full(field.is_inside.shape, -6.0)
     block[field.is_inside] = record.history[step]
-    block = np.pad(
-        block - float(logit(called_from(record.config["map"]["prior_prevalence"]))), 1, constant_values=-6.0
-    )
+    block = np.pad(block - level, 1, constant_values=-6.0)
     if not (block > 0).any():
         return np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)
     vertices, faces, _, _ = marching_cubes(block, level=0.0)
-    return _low_m(field) + (vertices - 1) * field.cell_m, faces
-
-
-def _low_m(field: MapField) -> NDArray[np.float64]:
-    return np.array([axis[0] for axis in field.axes_m])
+    return field.low_m + (vertices - 1) * field.cell_m, faces
 
 
 def _mesh(rr: Any, solid: Solid, colour: tuple[int, int, int, int]) -> Any:

@@ -19,7 +19,7 @@ from sim.world.scene.rendering import Overlay, RenderSettings, SceneRenderer
 EXTRA = "pip install 'sounding[video]'"
 CODEC = "libx264"
 PATH_EVERY = 8
-"""Of the recorded states every so many is a corner of the drawn path of the tip."""
+"""Recorded states from one corner of the drawn path of the tip to the next."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,20 +29,20 @@ class VideoSettings:
     fps: int = 25
     """Frames a second."""
     speed: float = 4.0
-    """How many times faster than it happened."""
+    """How many times faster than the run the video is."""
     width_px: int = 960
-    """Even."""
+    """Width of a frame, which must be even."""
     height_px: int = 720
-    """Even."""
+    """Height of a frame, which must be even."""
 
 
 def write_video(recording: Recording, path: Path, settings: VideoSettings) -> int:
-    """Render a recording to an MP4 file; returns the number of frames.
+    """Render a recording to an MP4 file, and return the number of frames.
 
     Frame i shows the procedure at i speed / fps seconds; the last one is at or just before its end.
 
     Args:
-        recording: What happened.
+        recording: The recording to play.
         path: The file.
         settings: How the video is made.
 

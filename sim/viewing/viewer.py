@@ -16,7 +16,7 @@ FRAME_S = 1 / 60
 
 
 def check_display() -> None:
-    """Nothing, if a window can be opened.
+    """Check that a window can be opened.
 
     Raises:
         UsageError: There is no display.
@@ -34,13 +34,14 @@ def play(recording: Recording, speed: float) -> None:
     """Play a run over and over until the window is closed.
 
     Args:
-        recording: What happened.
-        speed: How many times faster than it happened.
+        recording: The recording to play.
+        speed: How many times faster than the run it plays.
 
     Raises:
         UsageError: The window cannot be opened.
     """
-    from mujoco import viewer as mujoco_viewer  # needs GLFW, which only a display has
+    # The viewer needs GLFW, which works only with a display.
+    from mujoco import viewer as mujoco_viewer
 
     data = recording.scene.new_data()
     set_state(recording.scene, data, recording.at(0.0)[1])
@@ -51,7 +52,8 @@ def play(recording: Recording, speed: float) -> None:
     except (RuntimeError, mujoco.FatalError) as error:
         raise UsageError(f"view: MuJoCo's viewer cannot open a window ({error}).") from error
     with window:
-        window.opt.geomgroup[[Group.ORGAN, Group.TUMOUR]] = 1  # the viewer hides groups from 3 on
+        # The viewer hides groups from 3 on.
+        window.opt.geomgroup[[Group.ORGAN, Group.TUMOUR]] = 1
         centre_m = recording.scene.anatomy.organ.bounds_m.mean(axis=0)
         window.cam.lookat[:] = centre_m
         window.cam.distance, window.cam.azimuth, window.cam.elevation = 0.9, 120.0, -28.0

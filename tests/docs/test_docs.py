@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import mujoco
@@ -17,8 +19,10 @@ from sim.campaign.study_file import load_study
 from sim.cli import trials
 from sim.cli.command_line import main, parse_command
 from sim.episode.scenario import Scenario
-from sim.episode.scenario_file import load_scenario
+from sim.episode.scenario_file import FILE_KEYS, LABEL_KEYS, READING_KEYS, load_scenario
+from sim.plugs import MAP, PLANNER, SENSOR
 from sim.running.config import EpisodeConfig
+from sim.running.fields import recorded
 from sim.running.parts import check_config
 from sim.world.scene.arm import ArmModel
 
@@ -27,7 +31,7 @@ OTHER_PROGRAMS = {"pip", "dask", "sounding"}
 
 
 QUICK = ("inspect", "ik", "doctor")
-"""Commands that are run here as they are printed; `pytest -m slow tests/test_docs_commands.py` runs all."""
+"""Commands that are run here as they are printed; `pytest -m slow tests/docs/test_docs_commands.py` runs all."""
 
 
 def files(language: str) -> list[tuple[str, str]]:
@@ -40,8 +44,24 @@ def lines() -> list[list[str]]:
     return [list(line) for line in dict.fromkeys(tuple(command.words) for command in all_commands())]
 
 
-def commands(program: str) -> list[list[str]]:
-    return [line[1:] for line in lines() if Path(line[0]).name == program]
+def our_commands() -> list[Command]:
+    """Those of `sounding`, each once."""
+    return [each for each in all_commands() if Path(each.words[0]).name == "sounding"]
+
+
+def provide_config(folder: Path, command: Command) -> None:
+    """Write the config.json that a command names, of the command of its page that writes there."""
+    file = folder / command.words[command.words.index("--config") + 1]
+    out = ["--out", str(file.parent.relative_to(folder))]
+    (first,) = [
+        each
+        for each in our_commands()
+        if each.page == command.page and each.words[-2:] == out and each != command
+    ]
+    options = parse_command(first.words[1:])
+    assert isinstance(options, EpisodeConfig)
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps({"options": recorded(options)}))
 
 
 def quick_commands() -> list[Command]:
@@ -62,9 +82,12 @@ def test_every_block_is_of_a_kind_that_is_tested() -> None:
     }  # text: what a program prints, or takes hours
 
 
-@pytest.mark.parametrize("arguments", commands("sounding"), ids=" ".join)
-def test_every_command_is_understood(arguments: list[str]) -> None:
-    options = parse_command(arguments)
+@pytest.mark.parametrize("command", our_commands(), ids=str)
+def test_every_command_is_understood(command: Command, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(make_clone(tmp_path / "clone", command.page))
+    if "--config" in command.words:
+        provide_config(Path.cwd(), command)
+    options = parse_command(command.words[1:])
     if isinstance(options, trials.Options):
         assert len(options.make_study()) > 0
     if isinstance(options, EpisodeConfig) and not options.scenario.endswith(".toml"):
@@ -85,7 +108,8 @@ def test_every_other_line_names_a_program_or_a_target_that_exists() -> None:
         if line[0] == "make":
             subprocess.run(["make", "--dry-run", *line[1:]], cwd=ROOT, capture_output=True, check=True)
         elif line[0].endswith("python"):
-            assert (ROOT / Path(*line[2].split("."))).with_suffix(".py").is_file(), line
+            file = Path(*line[2].split(".")).with_suffix(".py") if line[1] == "-m" else Path(line[1])
+            assert (ROOT / file).is_file(), line
         else:
             assert Path(line[0]).name in OTHER_PROGRAMS, line
 
@@ -94,16 +118,29 @@ def test_every_other_line_names_a_program_or_a_target_that_exists() -> None:
 def test_every_toml_file_loads(page: str, text: str, tmp_path) -> None:
     file = tmp_path / "file.toml"
     file.write_text(text)
-    if "[axes]" in text:
+    if "[project" in text:
+        check_entry_points(text)
+    elif "[axes]" in text:
         assert len(load_study(str(file))) > 0
     else:
         assert load_scenario(str(file)).name
 
 
-def test_every_field_of_a_scenario_is_on_its_page() -> None:
+def check_entry_points(text: str) -> None:
+    """The groups of entry points are those that are looked up, and the classes those of the examples."""
+    groups = tomllib.loads(text)["project"]["entry-points"]
+    assert set(groups) == {kind.group for kind in (MAP, PLANNER, SENSOR)}
+    examples = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py"))
+    for group in groups.values():
+        for value in group.values():
+            assert re.search(rf"^class {value.partition(':')[2]}\b", examples, re.MULTILINE)
+
+
+def test_every_key_of_a_scenario_file_is_on_its_page() -> None:
     page = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
     named = set(re.findall(r"`([a-z_]+)`", "".join(re.findall(r"^\|([^|]*)\|", page, re.MULTILINE))))
-    assert named == {"base"} | {field.name for field in dataclasses.fields(Scenario)}
+    fields = {field.name for field in dataclasses.fields(Scenario)} - {"files"}
+    assert named == {"base", "label_coding", *fields, *FILE_KEYS, *LABEL_KEYS, *READING_KEYS}
 
 
 @pytest.mark.parametrize(("page", "text"), files("xml"), ids=lambda each: each[:20])
@@ -114,8 +151,11 @@ def test_every_arm_can_be_used(page: str, text: str, tmp_path) -> None:
     assert isinstance(spec, mujoco.MjSpec)
 
 
-def test_the_python_of_every_page_runs() -> None:
+def test_the_python_of_every_page_runs(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
     for page in PAGES:
+        if page.name == "python.md":  # it has a test of its own
+            continue
         names: dict[str, object] = {}
         for _, text in (block for block in files("python") if block[0] == page.name):
             exec(compile(text, page.name, "exec"), names)  # the pages' own code, from this repository
@@ -136,6 +176,17 @@ def test_the_quick_start_runs_as_printed(tmp_path, monkeypatch, capsys) -> None:
     assert (tmp_path / "renders/first/report.html").stat().st_size > 100_000
 
 
+EXAMPLE = re.compile(r"^<!-- code: (examples/\w+\.py) -->$", re.MULTILINE)
+"""What the site replaces by the file; see docs/_example_code.py."""
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("own-*.md")), ids=lambda page: page.name)
+def test_a_recipe_shows_its_example_and_links_it(page: Path) -> None:
+    (example,) = EXAMPLE.findall(page.read_text(encoding="utf-8"))
+    assert (ROOT / example).is_file()
+    assert f"[{example}](../{example})" in page.read_text(encoding="utf-8")  # for readers on a code host
+
+
 def test_the_site_is_built_without_a_warning(tmp_path) -> None:
     pytest.importorskip("material", reason="the site needs pip install 'sounding[docs]'")
     built = subprocess.run(
@@ -145,4 +196,6 @@ def test_the_site_is_built_without_a_warning(tmp_path) -> None:
     assert built.returncode == 0, built.stderr
     page = (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     assert "Quick start" in page
+    recipe = (tmp_path / "site" / "own-planner.html").read_text(encoding="utf-8")
+    assert "class LeastSure(sounding.Planner):" in re.sub(r"<[^>]+>", "", recipe)
     assert not re.findall(r'<(?:link|script|img)[^>]+(?:href|src)="https?:', page)  # it needs no network

@@ -1,4 +1,4 @@
-"""Every shell command of every page, run as a reader runs it: `pytest -m slow tests/test_docs_commands.py`.
+"""Every shell command of every page, run as a reader runs it: `pytest -m slow tests/docs/test_docs_commands.py`.
 
 A page's commands run in their order, in one folder that looks like a clone, as processes of their own. What is long is
 made short by the table `SHORTER` of page_commands.py, and what the pages speak of is made there too.

@@ -16,10 +16,10 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SHORTER = (
     ("make episode", "make episode STEPS=2"),
-    ("make test", "make test TESTS=tests/test_cone.py"),
+    ("make test", "make test TESTS=tests/planner/test_cone.py"),
     (r"--steps \d+", "--steps 2"),
-    ("--until-confident 0.95 --steps 400", "--until-confident 0.95 --steps 2"),
     ("--seed 7", "--seed 7 --steps 2"),
+    ("--study study.toml", "--study study.toml --seeds 0:1 --steps 2"),
     ("--study paper", "--study paper --planner random --seeds 4:5 --steps 2"),
     (r"--seeds 5000:5100", "--seeds 5000:5001"),
     (r"--seeds 0:1000", "--seeds 0:1 --steps 2"),
@@ -42,8 +42,14 @@ BEFORE = {
     ]
 }
 """Commands of other pages that a page takes for done."""
+CLONED = (
+    *("Makefile", ".ci", "pyproject.toml", "sounding.py", "models", "sim", "planner", "mapping"),
+    *("tests", "docs", "examples", "benchmarks"),
+)
+"""What of a clone its reader's commands may need."""
 BLOCK_FILES = {
     "arm.md": "post.xml",
+    "plugs.md": "study.toml",
     "reach.md": "gantry.xml",
     "scenario.md": "case.toml",
     "trials.md": "study.toml",
@@ -119,7 +125,7 @@ def all_commands() -> list[Command]:
 def make_clone(folder: Path, page: str) -> Path:
     """Let a folder look like the clone in which a page's reader stands; returns it."""
     folder.mkdir(parents=True)
-    for name in ("Makefile", ".ci", "pyproject.toml", "models", "sim", "planner", "mapping", "tests", "docs"):
+    for name in CLONED:
         (folder / name).symlink_to(ROOT / name)
     (folder / ".venv").symlink_to(sys.prefix)
     if page in BLOCK_FILES:

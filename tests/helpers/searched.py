@@ -1,6 +1,7 @@
 """Situations of a search for hidden balls, and the poses that it goes through where nothing is found."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from planner_situations import box_points, make_situation
@@ -17,9 +18,7 @@ PLANNER = FindAndOutline(balls=FEW)
 
 def situation(*, workspace=None, mean=PRIOR_MEAN, readings=(), rate=0.0, **more):
     made = make_situation(mean=mean, workspace=workspace, **more)
-    object.__setattr__(made, "readings", tuple(readings))
-    object.__setattr__(made, "false_positive_rate", rate)
-    return made
+    return replace(made, readings=tuple(readings), false_positive_rate=rate)
 
 
 def play(planner, n_steps, workspace, unreachable=frozenset()):

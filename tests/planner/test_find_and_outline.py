@@ -59,8 +59,7 @@ def test_the_search_is_greedy_and_every_gain_is_at_most_the_one_before():
     table, left, sensed = balls.finds.toarray(), balls.weights.astype(float), []
     gains = []
     for _ in range(12):
-        asked = situation(workspace=workspace, sensed=sensed)
-        object.__setattr__(asked, "search_points_m", POINTS)
+        asked = replace(situation(workspace=workspace, sensed=sensed), search_points_m=POINTS)
         score = planner.search_score(asked)
         np.testing.assert_allclose(score, table @ left, atol=1e-6)  # float32
         sensed.append(next(iter(planner.rank(asked))))

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -113,7 +114,7 @@ def test_a_query_point_out_of_every_cones_sight_gives_way_to_the_next(is_known):
     if is_known:
         is_visible = visible_points(situation.workspace, situation.cone, points)
         assert is_visible.tolist() == [False, True]
-        object.__setattr__(situation, "is_visible", is_visible)
+        situation = replace(situation, is_visible=is_visible)
     ranking = top(ExpectedImprovement(), situation)
     assert ranking == [int(np.argmin(situation.workspace.angles_to_rad(points[1])))]
 
@@ -188,8 +189,7 @@ def test_random_draws_every_pose_equally_often():
     rng = np.random.default_rng(11)
     firsts = []
     for _ in range(3_200):
-        situation = make_situation(workspace=workspace, skipped={0})
-        object.__setattr__(situation, "rng", rng)
+        situation = replace(make_situation(workspace=workspace, skipped={0}), rng=rng)
         firsts.append(top(RandomOrder(), situation)[0])
     counts = np.bincount(firsts, minlength=16)
     assert counts[0] == 0
@@ -294,5 +294,5 @@ def test_options_reach_the_planner():
 def test_a_shallower_cone_leads_to_another_choice():
     situation = make_situation(mean=blob_mean(), sensed=(0,))
     with_deep_cone = top(ExpectedImprovement(), situation)
-    object.__setattr__(situation, "cone", Cone(math.radians(11.5), 0.02))  # the blob lies at 60 mm
-    assert top(ExpectedImprovement(), situation) != with_deep_cone
+    shallow = replace(situation, cone=Cone(math.radians(11.5), 0.02))  # the blob lies at 60 mm
+    assert top(ExpectedImprovement(), shallow) != with_deep_cone

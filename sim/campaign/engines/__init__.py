@@ -1,1 +1,1 @@
-"""Engines: where the trials of a campaign run, which is in processes of this machine, on Dask or on Ray."""
+"""Engines: where the trials of a campaign run, in processes of this machine, on Dask or on Ray."""

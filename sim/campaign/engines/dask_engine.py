@@ -16,18 +16,19 @@ from sim.errors import FieldError
 from .engine import POLL_S, Engine, Outcome, Work, run_there
 
 TRIALS_PER_THREAD = 2
-"""Trials handed out per thread of the cluster: one runs, the next is there when it ends."""
+"""Trials that each thread of the cluster is given: one runs, and the next is there when it ends."""
 CONNECT_S = 20
+"""How long a scheduler may take to answer."""
 
 
 class DaskEngine(Engine):
-    """The workers of a cluster, or `n_jobs` processes of this machine. Workers need one thread each, not more."""
+    """The workers of a cluster, or `n_jobs` processes of this machine. A worker must have one thread and not more."""
 
     def __init__(self, n_jobs: int, address: str | None, *, work: Work = run_there) -> None:
         """Connect to the scheduler at an address, or start one here.
 
         Raises:
-            UsageError: Nothing answers there.
+            UsageError: No scheduler answers at the address.
         """
         self._work = work
         self._cluster = None
@@ -43,13 +44,13 @@ class DaskEngine(Engine):
         waiting = iter(trials)
         running = {}
         while True:
-            n_threads = max(sum(_now(self._client.nthreads()).values()), 1)
+            n_threads = max(sum(_answered(self._client.nthreads()).values()), 1)
             for trial in itertools.islice(waiting, max(TRIALS_PER_THREAD * n_threads - len(running), 0)):
                 running[self._client.submit(self._work, trial, pure=False)] = trial
             if not running:
                 return
             try:
-                done = _now(wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED")).done
+                done = _answered(wait(list(running), timeout=POLL_S, return_when="FIRST_COMPLETED")).done
             except TimeoutError:
                 yield None
                 continue
@@ -63,8 +64,8 @@ class DaskEngine(Engine):
             self._cluster.close()
 
 
-def _now(answer: Any) -> Any:
-    """The answer of a client that is not asynchronous, which its annotations leave open."""
+def _answered(answer: Any) -> Any:
+    """An answer of the client, which is there at once; the client's annotations leave open whether it is awaited."""
     return answer
 
 

@@ -20,29 +20,30 @@ MAX_TRIES = 2
 
 @dataclass(frozen=True)
 class Outcome:
-    """A trial and what became of it."""
+    """A trial and its result."""
 
     trial: Trial
     result: TrialResult
 
 
 class Engine(Closeable):
-    """Runs trials in processes of its own, as a context manager; leaving it stops what still runs."""
+    """What runs trials in processes of its own. It is a context manager, whose end stops what still runs."""
 
     @abstractmethod
     def outcomes(self, trials: Iterable[Trial]) -> Iterator[Outcome | None]:
-        """What became of trials, as they end, in any order; None now and then while nothing has ended.
+        """The outcomes of trials as they end, in any order; None now and then while no trial has ended.
 
         Trials are taken from the iterable as processes become free.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Stop the trials that still run, and let the processes go."""
+        """Stop the trials that still run, and end the processes."""
 
 
 def run_there(trial: Trial) -> TrialResult:
-    """Run a trial, in the process that is to do it."""
-    from sim.campaign.trial import run_trial  # imports MuJoCo, which the campaign's own process never needs
+    """The result of a trial, which is run in this process."""
+    # Imported here, since it imports MuJoCo, which the campaign's own process never needs.
+    from sim.campaign.trial import run_trial
 
     return run_trial(trial)

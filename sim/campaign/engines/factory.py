@@ -1,4 +1,4 @@
-"""The engines by name."""
+"""Engines made by name."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def make_engine(name: EngineName, *, n_jobs: int, address: str | None = None) ->
 
     Args:
         name: `local` (processes of this machine), `dask` or `ray`.
-        n_jobs: Processes, where the engine starts them itself.
-        address: Of the cluster's scheduler; None starts one on this machine.
+        n_jobs: Number of processes, where the engine starts them itself.
+        address: Address of the cluster's scheduler; None starts one on this machine.
 
     Raises:
         UsageError: The engine is not installed, or nothing answers at the address.

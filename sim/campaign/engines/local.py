@@ -1,4 +1,4 @@
-"""Trials in processes of this machine. Each process is a pool of its own, so that it is known whose trial killed it."""
+"""Trials in processes of this machine, each a pool of its own, so that it is known which trial killed a process."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
-    "LOKY_MAX_MEMORY_LEAK_SIZE": "2e9",  # a setup is no leak
+    # A setup that is kept from trial to trial is not a leak.
+    "LOKY_MAX_MEMORY_LEAK_SIZE": "2e9",
 }
-"""Of the worker processes."""
+"""Environment of the worker processes."""
 MAX_FIRST_DEATHS = 4
 """When processes die this often before any has finished a trial, they cannot run here at all."""
 
@@ -33,11 +34,11 @@ class LocalEngine(Engine):
     """`n_jobs` processes; one that dies is replaced."""
 
     def __init__(self, n_jobs: int, *, work: Work = run_there) -> None:
-        """Prepare; processes start with their first trial.
+        """Prepare the processes, which start with their first trial.
 
         Args:
             n_jobs: Number of processes.
-            work: What is done with a trial; running it by default.
+            work: What is done with a trial; by default it is run.
         """
         self._work = work
         self._idle = [_new_process() for _ in range(n_jobs)]
@@ -61,7 +62,7 @@ class LocalEngine(Engine):
                     has_finished_any = True
                     self._idle.append(process)
                 except BrokenProcessPool as error:
-                    outcome = self._bury(trial, process)
+                    outcome = self._replace_dead(trial, process)
                     if not has_finished_any and sum(self._n_deaths.values()) >= MAX_FIRST_DEATHS:
                         raise UsageError(f"worker processes die at once: {error}") from error
                     if outcome is None:
@@ -81,8 +82,8 @@ class LocalEngine(Engine):
             future = process.submit(self._work, trial)
         self._running[future] = (trial, process)
 
-    def _bury(self, trial: Trial, process: ProcessPoolExecutor) -> Outcome | None:
-        """Replace a dead process; the trial's outcome if it has had its tries."""
+    def _replace_dead(self, trial: Trial, process: ProcessPoolExecutor) -> Outcome | None:
+        """Replace a dead process, and return its trial's outcome if the trial is not to be tried again."""
         process.shutdown(wait=False, kill_workers=True)
         self._idle.append(_new_process())
         self._n_deaths[trial] = self._n_deaths.get(trial, 0) + 1

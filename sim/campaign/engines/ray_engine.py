@@ -17,7 +17,7 @@ from .engine import MAX_TRIES, POLL_S, Engine, Outcome, Work, run_there
 from .local import ENVIRONMENT
 
 TRIALS_PER_CPU = 2
-"""Trials handed out per processor of the cluster: one runs, the next is there when it ends."""
+"""Trials that each processor of the cluster is given: one runs, and the next is there when it ends."""
 
 
 class RayEngine(Engine):
@@ -27,7 +27,7 @@ class RayEngine(Engine):
         """Connect to the cluster at an address, or start one here.
 
         Raises:
-            UsageError: Nothing answers there.
+            UsageError: No cluster answers at the address.
         """
         more = {} if address is not None else {"num_cpus": n_jobs, "include_dashboard": False}
         environment = {name: text for name, text in ENVIRONMENT.items() if name.endswith("THREADS")}

@@ -1,5 +1,5 @@
 "use strict";
-// Brings the slider, the curves, the frames and the view together.
+// This script brings the slider, the curves, the frames and the view together.
 (async () => {
   const began = performance.now();
   const read = id => { const element = document.getElementById(id); return element ? JSON.parse(element.textContent) : null; };
@@ -29,7 +29,8 @@
     if (Number(picture.dataset.step) === wanted) return;
     const held = document.getElementById(`frame-${wanted}`);
     const src = wanted === lastPicture.step ? lastPicture.src : held && held.textContent;
-    if (!src) return; // the page is still being read
+    // Without a source the page is still being read.
+    if (!src) return;
     picture.src = src;
     picture.dataset.step = wanted;
   };
@@ -69,7 +70,8 @@
     const target = event.target;
     if (event.altKey || event.ctrlKey || event.metaKey || target.closest("summary, button, input:not(#slider)")) return;
     const moves = { ArrowRight: step + 1, ArrowLeft: step - 1, Home: 0, End: last, PageUp: step + 10, PageDown: step - 10 };
-    if (target === slider && event.key !== " ") return; // it moves by itself
+    // The slider moves by itself.
+    if (target === slider && event.key !== " ") return;
     if (event.key in moves && (event.key.startsWith("Arrow") || target === document.getElementById("canvas"))) { event.preventDefault(); stop(); setStep(moves[event.key]); }
     else if (event.key === " ") { event.preventDefault(); toggle(); }
   });
@@ -114,7 +116,8 @@
     addLegend();
     for (const button of document.querySelectorAll("[data-preset]")) button.addEventListener("click", () => {
       view.presets[button.dataset.preset]();
-      const box = document.querySelector("#legend input[name=arm]"); // from above the arm hides what it stands on
+      // From above, the arm would hide the organ.
+      const box = document.querySelector("#legend input[name=arm]");
       if (box && box.checked === (button.dataset.preset === "top")) box.click();
     });
     setStep(last);
@@ -124,7 +127,7 @@
     document.getElementById("presets").hidden = true;
     const note = document.createElement("p");
     note.className = "without";
-    note.textContent = `The three-dimensional view could not be drawn (${problem.message || problem}). It needs WebGL; all else on this page does not.`;
+    note.textContent = `The three-dimensional view could not be drawn (${problem.message || problem}). It needs WebGL; everything else on this page works without it.`;
     document.getElementById("view").append(note);
   }
   window.soundingReport = { setStep, error, drawnMs: performance.now() - began, sinceLoadMs: performance.now(), get state() { return view && view.state; } };

@@ -1,11 +1,12 @@
 "use strict";
-// The three-dimensional view. World frame, metres, z up. It draws when something changed, never by itself.
+// The three-dimensional view, in the world frame: metres, z up. It draws when something changed, never by itself.
 const PAST_STEM_M = 0.014, AXIS_M = 0.06;
 
 const makeView = (data, array, onPick) => {
   const canvas = document.getElementById("canvas"), holder = document.getElementById("view");
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
-  renderer.debug.checkShaderErrors = false; // asking for errors waits for the compiler
+  // A look for errors would wait for the compiler.
+  renderer.debug.checkShaderErrors = false;
   const scene = new THREE.Scene(), camera = new THREE.PerspectiveCamera(32, 1, 0.02, 12);
   camera.up.set(0, 0, 1);
   const controls = new THREE.OrbitControls(camera, canvas);
@@ -280,7 +281,8 @@ const makeView = (data, array, onPick) => {
     side: () => show([...corners, head], new THREE.Vector3(0, -1, 0), 0.85),
   };
 
-  let wanted = false, isReady = false; // the first drawing is asked for when all is in its place
+  // Nothing is drawn before everything is in its place.
+  let wanted = false, isReady = false;
   const request = () => { if (isReady && !wanted) { wanted = true; requestAnimationFrame(draw); } };
   const resize = () => {
     const { clientWidth: width, clientHeight: height } = holder;
@@ -295,9 +297,11 @@ const makeView = (data, array, onPick) => {
     const { clientWidth: width, clientHeight: height } = holder, spot = new THREE.Vector3();
     const isInView = at => { spot.copy(at).project(camera); return spot.z < 1 && Math.abs(spot.x) < 0.98 && Math.abs(spot.y) < 0.98; };
     camera.updateMatrixWorld();
-    for (const { drawn, at } of triads) drawn.visible = isInView(at); // the tips alone would tell nothing
+    // The tips of a triad would tell nothing without its origin.
+    for (const { drawn, at } of triads) drawn.visible = isInView(at);
     renderer.render(scene, camera);
-    const isLong = (from, to) => { // a triad seen from far away would be covered by its labels
+    // A triad that is seen from far away would be covered by its labels.
+    const isLong = (from, to) => {
       const a = from.clone().project(camera), b = to.clone().project(camera);
       return Math.hypot((a.x - b.x) * width, (a.y - b.y) * height) / 2 > 44;
     };
@@ -313,7 +317,8 @@ const makeView = (data, array, onPick) => {
   const applyTheme = () => {
     const style = getComputedStyle(document.documentElement), isDark = matchMedia("(prefers-color-scheme: dark)").matches;
     const named = name => name === "organ" ? (isDark ? "#b9a9a4" : "#8d6f68") : style.getPropertyValue(`--${name}`).trim();
-    for (const [material, name] of tinted) { // the shaders write what the screen shows
+    // The shaders write what the screen shows.
+    for (const [material, name] of tinted) {
       material.uniforms.colour.value.setStyle(named(name), THREE.LinearSRGBColorSpace);
     }
     request();

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from sim.world.errors import WorldError
 
-MODELS_DIR = Path(__file__).resolve().parents[3] / "models"
-"""The project's MJCF files and meshes, beside the packages in a checkout and in the wheel alike."""
+_SIM_DIR = Path(__file__).resolve().parents[2]
+_PLACES = (_SIM_DIR / "_models", _SIM_DIR.parent / "models")
+MODELS_DIR = next((folder for folder in _PLACES if folder.is_dir()), _PLACES[-1])
+"""The project's MJCF files and meshes: inside `sim` where a wheel was installed, beside it in a checkout."""
 
 HOME_KEYFRAMES = ("home", "ready", "stow")
 """Names under which robot models keep their rest configuration; the first one found is used."""

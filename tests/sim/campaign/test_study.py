@@ -89,7 +89,7 @@ def test_parts_take_precedence_over_what_they_share(tmp_path) -> None:
         ('"multi-resolution"', '\n  "greedy"', 11, "greedy: choose one of.*random"),
         ('"spheres"', '"kidney"', 20, "'kidney': not one of sphere"),
         ("steps = 7", "steps = 0", 18, "steps=0"),
-        ("steps = 7", 'steps = "7"', 18, "steps='7': a whole number"),
+        ("steps = 7", 'steps = "7"', 18, "steps='7': must be a whole number"),
         ("0.1]", "1.5]", 11, "prior_prevalence"),
         ("[0.5, 0.1]", "0.5", 11, "an axis is a list"),
         ('"5:8"', '"8:5"', 12, "the end must lie above"),

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,7 @@ from PIL import Image
 from shared_runs import ARM_BASE_M, ARM_RUN, N_ARM_ACTIONS
 
 from sim.cli.command_line import main
-from sim.running.config import EpisodeConfig
-from sim.running.fields import leaf_fields
+from sim.running.fields import field_names
 
 COMMAND = [sys.executable, "-m", "sim.cli"]
 ROOT = Path(__file__).resolve().parents[3]
@@ -263,5 +263,23 @@ def test_help_explains_every_option(monkeypatch, capsys) -> None:
         main(["episode", "--help"])
     assert ended.value.code == 0
     said = capsys.readouterr().out
-    for field in leaf_fields(EpisodeConfig):
-        assert re.search(rf"--{field.replace('_', '-')}[ ,]", said), field
+    for name in field_names():
+        assert re.search(rf"--{name.replace('_', '-')}[ ,]", said), name
+
+
+def test_help_fills_its_lines_and_names_other_options_by_their_flags(monkeypatch, capsys) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("NO_COLOR", "1")
+    with pytest.raises(SystemExit):
+        main(["episode", "--help"])
+    # Of a box, the lines of an option's text are indented; its frame takes two characters on either side.
+    lines = [line[2:-2] for line in capsys.readouterr().out.splitlines() if len(line) == 80]
+    texts = [line.rstrip() if line.startswith(" " * 6) else "" for line in lines]
+    assert sum(bool(text) for text in texts) > 100
+    for text, following in pairwise(texts):
+        if text and following:
+            # Docstrings break their lines elsewhere: here a line ends only where the next word has no room.
+            assert len(text) + 1 + len(following.split()[0]) > 76, text
+    printed = " ".join(text.strip() for text in texts)
+    assert "whose share --until-sensed means" in printed
+    assert not any(f"`{name}`" in printed for name in field_names())

@@ -78,7 +78,7 @@ def bad_files(case, tmp_path_factory) -> dict[str, Path]:
     [
         (["--target", "{cyst}"], "--target goes with --organ"),
         (["--target-name", "cysts"], "names nothing"),
-        (["--plan-for", "target"], "--plan-for target: there is none"),
+        (["--plan-for", "target"], "--plan-for target: there is no second class"),
         (["--organ", "{organ}", "--target-label", "3"], "targets as --target FILE"),
         (["--organ", "{organ}", "--target", "{cyst}", "--target-name", " "], "a name of 1 to 40 letters"),
         (["--organ", "{organ}", "--target", "{far}"], "far.stl: only 0% of it lies inside the organ"),

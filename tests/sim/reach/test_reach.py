@@ -126,8 +126,8 @@ def test_a_study_never_overwrites_unasked(folder, capsys) -> None:
     [
         (["reach", "--arm", "none"], "free-flying probe reaches every pose"),
         (["reach", "--arm", "nowhere.xml"], "nowhere.xml: no such arm file"),
-        (["reach", "--tilt-deg", "95"], "--tilt-deg 95.0: from 0 to 80"),
-        (["reach", "--restarts", "500"], "--restarts 500: from 0 to 119"),
+        (["reach", "--tilt-deg", "95"], "--tilt-deg 95.0: must be from 0 to 80"),
+        (["reach", "--restarts", "500"], "--restarts 500: must be from 0 to 119"),
         (["reach", "--scenario", "kidney"], "scenario 'kidney'"),
         (["ik", "--position-mm", "0", "0", "1e9"], "at most 10000 mm"),
         (["ik", "--position-mm", "500", "0", "nan"], "finite"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim.errors import UsageError
-from sim.record.locked_folder import check_out_folder
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 
 
@@ -74,3 +74,62 @@ def test_an_unwritable_folder_is_refused_before_any_work(tmp_path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(UsageError, match="cannot write there"):
         check_out_folder(tmp_path / "out", overwrite=False)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_folder_of_strangers_files_is_refused_and_left_as_it_is(tmp_path, overwrite) -> None:
+    (tmp_path / "frames").mkdir()
+    for name in ("holiday.png", "poses.csv", "frames/mine.png", "manifest.json"):
+        (tmp_path / name).write_text("{}")
+    with pytest.raises(UsageError, match=r"is not empty \(it holds frames, for example\)"):
+        RunFolder(tmp_path, overwrite=overwrite)
+    assert {path.read_text() for path in tmp_path.rglob("*.*") if path.is_file()} == {"{}"}
+
+
+def test_a_home_folder_behind_a_link_is_refused(tmp_path) -> None:
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / ".profile").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "home")
+    with pytest.raises(UsageError, match="is not empty"):
+        RunFolder(tmp_path / "link", overwrite=True)
+    assert (tmp_path / "home" / ".profile").read_text() == "mine"
+
+
+def test_what_a_person_lays_into_a_runs_folder_stays_when_the_run_is_replaced(tmp_path) -> None:
+    run, outside = tmp_path / "run", tmp_path / "outside.csv"
+    outside.write_text("mine")
+    with RunFolder(run) as folder:
+        folder.begin({}, {})
+        folder.write_bytes("frames/0001.png", b"ours")
+    (run / "holiday.png").write_text("mine")
+    (run / "frames" / "mine.png").write_text("mine")
+    (run / "states.csv").symlink_to(outside)  # the name of a file of ours, which this run did not write
+    with RunFolder(run, overwrite=True):
+        pass
+    left = sorted(str(path.relative_to(run)) for path in run.rglob("*.*"))
+    assert left == ["frames/mine.png", "holiday.png", "states.csv"]
+    assert outside.read_text() == "mine"
+
+
+def test_of_a_killed_run_only_files_of_its_names_are_removed(tmp_path) -> None:
+    with RunFolder(tmp_path / "run") as folder:
+        folder.begin({}, {})
+        folder.write_bytes("motion/1.npz", b"ours")
+        killed = (folder.path / "manifest.json").read_bytes()  # which lists no files yet
+    (tmp_path / "run" / "manifest.json").write_bytes(killed)
+    (tmp_path / "run" / "holiday.png").write_text("mine")
+    with RunFolder(tmp_path / "run", overwrite=True):
+        pass
+    assert [path.name for path in (tmp_path / "run").rglob("*.*")] == ["holiday.png"]
+
+
+def test_a_manifest_that_lists_files_elsewhere_removes_none_of_them(tmp_path) -> None:
+    (tmp_path / "precious.txt").write_text("mine")
+    with RunFolder(tmp_path / "run") as folder:
+        folder.begin({}, {})
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    elsewhere = ["../precious.txt", str(tmp_path / "precious.txt")]
+    (tmp_path / "run" / "manifest.json").write_text(json.dumps(manifest | {"files": elsewhere}))
+    with RunFolder(tmp_path / "run", overwrite=True):
+        pass
+    assert (tmp_path / "precious.txt").read_text() == "mine"

@@ -21,7 +21,13 @@ def entry(seed: int, status: str = "finished", **row) -> dict:
 
 
 @settings(max_examples=50)
-@given(st.dictionaries(st.text(), st.floats(allow_nan=False, allow_infinity=False) | st.text() | st.none()))
+@given(
+    st.dictionaries(
+        st.text(max_size=9),
+        st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=9) | st.none(),
+        max_size=5,
+    )
+)
 def test_an_entry_is_a_line_that_reads_back_with_all_digits(row) -> None:
     line = encoded(entry(3) | {"row": row})
     assert line.count(b"\n") == 1

@@ -149,8 +149,8 @@ def test_a_run_without_it_leaves_nothing_of_it(case, run, tmp_path) -> None:
     out = shutil.copytree(run, tmp_path / "run")
     alone = case.parent / "alone.toml"
     alone.write_text("".join(line for line in case.read_text().splitlines(True) if "target" not in line))
-    arguments = ["--scenario", str(alone), "--steps", "1", "--arm", "none", "--out", str(out)]
-    assert main(["episode", *arguments, "--no-report", "--overwrite"]) == 0
+    arguments = ["--scenario", str(alone), "--planner", "random", "--steps", "1", "--arm", "none"]
+    assert main(["episode", *arguments, "--no-report", "--overwrite", "--out", str(out)]) == 0
     assert not list(out.rglob("*target*"))
     assert not [name for name in rows_of(out / "steps.csv")[0] if "target" in name]
     assert not [name for name in json.loads((out / "summary.json").read_text()) if "target" in name]

@@ -39,7 +39,7 @@ def recorded(tmp_path_factory):
     files = ["--organ", "organ.stl", "--tumour", "tumour.stl", "--structure", "portal <vein>.stl",
              "--keepout", "gallbladder.stl"]  # fmt: skip
     arguments = [str(folder / word) if word.endswith(".stl") else word for word in files]
-    more = ["--steps", "2", "--arm", "none", "--out", str(folder / "run")]
+    more = ["--planner", "random", "--steps", "2", "--arm", "none", "--out", str(folder / "run")]
     with without_figures():
         assert main(["episode", *arguments, *more]) == 0
     return folder / "run"

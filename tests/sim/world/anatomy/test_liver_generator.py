@@ -114,11 +114,15 @@ def test_volumes_have_the_published_mean_and_spread():
     assert (volumes_ml > 2200).mean() > (volumes_ml < 972).mean()  # large livers are farther out
 
 
-def test_the_embedded_liver_is_still_what_its_command_makes(pytestconfig, tmp_path):
+def test_the_embedded_liver_is_still_what_its_command_makes(pytestconfig, tmp_path, capsys):
     main(["--template", "--seed", "3", "--volume-ml", "1500", "--out", str(tmp_path / "liver.stl")])
     made, kept = (trimesh.load_mesh(path) for path in (tmp_path / "liver.stl", pytestconfig.rootpath / MODEL))
     np.testing.assert_allclose(made.bounds, kept.bounds, atol=0.5)  # other machines round otherwise
     assert made.area == pytest.approx(kept.area, rel=1e-3)
+    assert "1500 ml" in capsys.readouterr().out
+    loaded = load_mesh(tmp_path / "liver.stl")
+    assert loaded.mesh.volume == pytest.approx(1.5e-3, rel=1e-4)
+    assert loaded.notices == ()
 
 
 def test_a_volume_is_met_and_one_out_of_range_refused():
@@ -140,12 +144,19 @@ def test_drawn_shapes_are_normal_within_bounds():
     assert values.std() == pytest.approx(0.96 * SPREAD, rel=0.04)
 
 
-def test_the_command_writes_a_file_that_loads(tmp_path, capsys):
+def test_the_command_makes_what_it_is_told(tmp_path, monkeypatch):
+    asked = []
+
+    def make(rng, **more):
+        asked.append((rng.random(), more))
+        return Solid.from_trimesh(trimesh.creation.icosphere(radius=0.05))
+
+    monkeypatch.setattr("sim.world.anatomy.liver_generator.make_liver", make)
     main(["--seed", "2", "--volume-ml", "1400", "--triangles", "5000", "--out", str(tmp_path / "liver.stl")])
-    assert "1400 ml" in capsys.readouterr().out
-    loaded = load_mesh(tmp_path / "liver.stl")
-    assert loaded.mesh.volume == pytest.approx(1.4e-3, rel=1e-4)
-    assert loaded.notices == ()
+    ((first_draw, more),) = asked
+    assert first_draw == np.random.default_rng(2).random()
+    assert more == {"volume_m3": pytest.approx(1.4e-3), "shape": None, "n_triangles": 5000}
+    assert load_mesh(tmp_path / "liver.stl").mesh.extents == pytest.approx([0.1] * 3, rel=1e-3)
 
 
 def test_without_the_optional_package_the_error_says_what_to_install(monkeypatch):

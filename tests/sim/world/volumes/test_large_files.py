@@ -59,7 +59,7 @@ def test_only_what_is_labelled_is_kept_and_lies_where_it_lay(tmp_path, sparse, n
         assert peak_bytes < sparse.nbytes
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.int32, np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint16, np.int32, np.float32, np.float64])
 def test_the_type_of_the_voxels_tells_nothing(tmp_path, sparse, dtype) -> None:
     volume = load_volume(save_nifti(tmp_path / "scan.nii.gz", sparse[::2, ::2, ::2].astype(dtype), np.eye(4)))
     np.testing.assert_array_equal(volume.labels, sparse[::2, ::2, ::2][volume.box])

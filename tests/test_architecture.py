@@ -18,6 +18,7 @@ ROOMS = (
     "sim.world.meshes",
     "sim.world.volumes",
     "sim.world.anatomy",
+    "sim.world.arms",
     "sim.world.scene",
     "sim.world.ik",
     "sim.world.motion",

@@ -9,11 +9,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.arms.body_tree import bodies_above, joints_above
 from sim.world.frames import quaternion_matrix
-from sim.world.scene.body_tree import bodies_above, joints_above
 from sim.world.scene.scene import Scene
 
 Array = NDArray[np.float64]
+
+MANY_TURNS_RAD = 100.0
+"""A limit as far from zero as this is none: the hinge may turn on and on [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +59,9 @@ class Chain:
         ]
         self.is_slide = model.jnt_type[self.joints] == int(mujoco.mjtJoint.mjJNT_SLIDE)
         is_limited = model.jnt_limited[self.joints].astype(bool)
-        self.low = np.where(is_limited, model.jnt_range[self.joints, 0], -np.inf)
-        self.high = np.where(is_limited, model.jnt_range[self.joints, 1], np.inf)
+        low, high = model.jnt_range[self.joints].T
+        self.low = np.where(is_limited & (low > -MANY_TURNS_RAD), low, -np.inf)
+        self.high = np.where(is_limited & (high < MANY_TURNS_RAD), high, np.inf)
         self._zero = model.qpos0[self.columns].copy()
         self._R, self._p = _constants(model, self.joints, tip)
         self._T_world_base = scene.T_world_base

@@ -193,7 +193,8 @@ def _capped(dq: Array, max_step_rad: float) -> Array:
 def _centring(chain: Chain, q: Array, gain: float) -> Array:
     """The wish of each joint to move towards the middle of its range, shape (N, n)."""
     has_range = np.isfinite(chain.low) & np.isfinite(chain.high)
-    middle = np.where(has_range, (chain.low + chain.high) / 2.0, 0.0)
+    # Without limits the sum would be that of both infinities.
+    middle = (np.where(has_range, chain.low, 0.0) + np.where(has_range, chain.high, 0.0)) / 2.0
     return np.where(has_range, gain * (middle - q), 0.0)
 
 

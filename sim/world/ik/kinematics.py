@@ -139,15 +139,32 @@ class Kinematics:
             if distance_m <= settings.position_tolerance_m and angle_rad <= settings.angle_tolerance_rad:
                 q = configuration.q.copy()
                 return IkResult(IkStatus.REACHED, q, q, distance_m, angle_rad, n, 0)
-            step = mink.solve_ik(
-                configuration, [self._frame, self._posture], 1.0, "daqp", damping=1e-8, limits=self._limits
-            )
+            try:
+                step = mink.solve_ik(
+                    configuration,
+                    [self._frame, self._posture],
+                    1.0,
+                    "daqp",
+                    damping=1e-8,
+                    limits=self._limits,
+                )
+            except mink.NoSolutionFound:
+                break
             largest = float(np.abs(step).max(initial=0.0))
             configuration.integrate_inplace(step * min(1.0, settings.max_step_rad / max(largest, 1e-12)), 1.0)
+            self._hold_limits()
             if largest < 1e-6:
                 break
         q = configuration.q.copy()
         return IkResult(IkStatus.NOT_CONVERGED, q, q, distance_m, angle_rad, n, 0)
+
+    def _hold_limits(self) -> None:
+        """Bring joints back that the solver's tolerance, about 1e-6, let beyond their limits."""
+        q, chain = self._configuration.q, self.search.chain
+        held = q.copy()
+        held[chain.columns] = np.clip(q[chain.columns], chain.low, chain.high)
+        if not np.array_equal(held, q):
+            self._configuration.update(held)
 
 
 def _checked_pose(

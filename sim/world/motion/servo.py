@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.arms.mujoco_messages import caught_warnings
 from sim.world.ik.chain import Array, Chain
-from sim.world.scene.mujoco_messages import caught_warnings
 from sim.world.scene.scene import Scene
 
 from .contact_surface import ContactSurface

@@ -6,13 +6,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.arms.body_tree import hangs_below
 from sim.world.solids.distance_grid import DistanceGrid
 
 from .arm import ArmError
-from .body_tree import hangs_below
 from .clearance import ARM_MARGIN_M, surface_points
 from .probe_room import MOUNT
 from .scene import Scene
+from .standing_contact import standing_contact
 
 TABLE_TOLERANCE_M = 1e-3
 """A base that stands on the table may be modelled this much below its own origin."""
@@ -50,10 +51,10 @@ class BaseRoom:
 
 
 def check_base_room(scene: Scene, organ_distance: DistanceGrid) -> None:
-    """Nothing, if there is room for the base where it stands.
+    """Nothing, if there is room for the base where it stands, and the arm is free in some configuration.
 
     Raises:
-        ArmError: The base stands in the table or in the organ.
+        ArmError: The base stands in the table or in the organ, or something touches in every configuration.
     """
     if obstacle := BaseRoom(scene, organ_distance).obstacle(scene.T_world_base):
         x_mm, y_mm, z_mm = scene.T_world_base[:3, 3] * 1e3
@@ -61,6 +62,8 @@ def check_base_room(scene: Scene, organ_distance: DistanceGrid) -> None:
             f"The arm's base at {x_mm:.0f} {y_mm:.0f} {z_mm:.0f} mm would stand {obstacle}. Move it with `base_mm`; "
             "the table's top is z = 0."
         )
+    if contact := standing_contact(scene, organ_distance):
+        raise ArmError(f"The arm is nowhere free: {contact}")
 
 
 def _base_points(model: mujoco.MjModel) -> NDArray[np.float64]:

@@ -75,7 +75,9 @@ class ClearanceMeter:
                 distances_m = data.contact.dist
                 closest = int(np.argmin(distances_m))
                 contact_m[i], pair[i] = distances_m[closest], data.contact.geom[closest]
-        organ_m, organ_geom = self._clearance.arm_distances(geoms_m, R_world_geoms.reshape(n, -1, 3, 3))
+        organ_m, organ_geom = self._clearance.arm_distances(
+            geoms_m, R_world_geoms.reshape(n, model.ngeom, 3, 3)
+        )
         return Clearances(contact_m, pair, organ_m, organ_geom)
 
     def collision(self, clearances: Clearances, index: int) -> Collision | None:

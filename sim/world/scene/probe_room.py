@@ -23,13 +23,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.arms.body_tree import bodies_above, joints_above
 from sim.world.frames import quaternion_matrix
 
-from .body_tree import hangs_below, joints_above
 from .overlap import overlap_m
 
 MOUNT = "mount"
 """The body that carries the arm's base, and whose pose in the world is where the arm stands."""
+PROBE = "probe_probe"
+"""The probe's body, which hangs from the world where no arm carries it."""
+BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 MOUNT_M = 0.05
 """This much of the probe, from the flange on, may stand in the link that carries it [m]: crude arms end in a ball about
 the flange, and half of a clamp of 34 mm radius may be countersunk."""
@@ -89,7 +92,7 @@ class ProbeRoom:
         self._chain = joints_above(model, probe)
         self._carrier = int(model.body_weldid[probe])
         before = int(model.body_weldid[model.body_parentid[self._carrier]])
-        arm = _colliding(model, below=model.body(MOUNT).id)
+        arm = colliding_geoms(model)
         self._probe = [geom for geom in arm if model.geom_bodyid[geom] == probe]
         # The part of the probe beyond its mount, which no link may hold.
         self._beyond = _without_mount(model, self._probe, self._tip)
@@ -214,15 +217,19 @@ class ProbeRoom:
         return name.removeprefix("arm_")
 
 
-def _colliding(model: mujoco.MjModel, *, below: int) -> list[int]:
-    """Ids of the geoms that hang below a body and take part in collisions; a plane has no end to look at."""
+def colliding_geoms(model: mujoco.MjModel) -> list[int]:
+    """Ids of the geoms of arm and probe that take part in collisions; a plane or a height field has no end and is none.
+
+    A probe that no arm carries hangs from the world.
+    """
     endless = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+    tops = [body for name in (MOUNT, PROBE) if (body := mujoco.mj_name2id(model, BODY, name)) >= 0]
     return [
         geom
         for geom in range(model.ngeom)
         if (model.geom_contype[geom] or model.geom_conaffinity[geom])
         and int(model.geom_type[geom]) not in endless
-        and hangs_below(model, int(model.geom_bodyid[geom]), below)
+        and not set(tops).isdisjoint(bodies_above(model, int(model.geom_bodyid[geom])))
     ]
 
 

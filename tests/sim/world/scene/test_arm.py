@@ -26,7 +26,7 @@ PANDA_LOW = [-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973]
 PANDA_HIGH = [2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973]
 PANDA_MASSES = [0.629769, 4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522]
 
-TWO_JOINTS = """<mujoco><worldbody><body name="a"><joint name="j1" axis="0 0 1" range="-1 1" limited="true"/>
+TWO_JOINTS = """<mujoco><worldbody><body name="a"><joint name="j1" axis="0 0 1" range="-60 60" limited="true"/>
 <geom size="0.05"/><body pos="0.3 0 0"><joint axis="0 1 0"/><geom size="0.04"/><site name="end" pos="0 0 0.1"/>
 </body></body></worldbody>{extra}</mujoco>"""
 
@@ -77,18 +77,19 @@ def test_home_is_free_of_contacts_and_holds_under_gravity() -> None:
 
 
 def test_home_comes_from_a_keyframe_or_the_middle_of_the_ranges(tmp_path) -> None:
-    spec, home_q = ArmModel().load()
-    assert len(list(spec.keys)) == 0
-    np.testing.assert_allclose(home_q[3], -np.pi / 2, atol=1e-8)
+    loaded = ArmModel().load()
+    assert len(list(loaded.spec.keys)) == 0
+    assert loaded.notices == ()
+    np.testing.assert_allclose(loaded.home_q[3], -np.pi / 2, atol=1e-8)
     path = tmp_path / "two.xml"
     path.write_text(TWO_JOINTS.format(extra=""))
-    np.testing.assert_array_equal(ArmModel(path=path, flange="end").load()[1], [0.0, 0.0])
+    np.testing.assert_array_equal(ArmModel(path=path, flange="end").load().home_q, [0.0, 0.0])
 
 
-def test_a_keyframe_of_the_wrong_size_is_left_out(tmp_path) -> None:
+def test_a_keyframe_named_home_is_home(tmp_path) -> None:
     path = tmp_path / "two.xml"
     path.write_text(TWO_JOINTS.format(extra='<keyframe><key name="home" qpos="0.5 0.1"/></keyframe>'))
-    np.testing.assert_array_equal(ArmModel(path=path, flange="end").load()[1], [0.5, 0.1])
+    np.testing.assert_array_equal(ArmModel(path=path, flange="end").load().home_q, [0.5, 0.1])
 
 
 @pytest.mark.parametrize(

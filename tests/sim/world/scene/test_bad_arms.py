@@ -56,9 +56,9 @@ def test_a_mobile_base_is_refused(tmp_path, joints: str, message: str) -> None:
 def test_a_rail_with_a_range_is_a_joint_like_others(tmp_path) -> None:
     path = tmp_path / "rail.xml"
     path.write_text(MOBILE.format(joints='<joint type="slide" axis="1 0 0" range="-1 1" limited="true"/>'))
-    spec, home_q = ArmModel(path=path).load()
-    assert len(home_q) == 2
-    assert ArmModel(path=path).flange_of(spec) == "attachment_site"  # Menagerie's name is found too
+    loaded = ArmModel(path=path).load()
+    assert len(loaded.home_q) == 2
+    assert loaded.flange == "attachment_site"  # Menagerie's name is found too
 
 
 def test_joints_beside_the_chain_stay_at_home(tmp_path, ball_anatomy, cone, ball_distance) -> None:

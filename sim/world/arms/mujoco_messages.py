@@ -8,11 +8,13 @@ from contextlib import contextmanager
 
 import mujoco
 
+MUJOCO_ERRORS = (ValueError, RuntimeError, mujoco.FatalError)
+"""What MuJoCo raises on a file that it cannot use."""
+
 
 def whole_message(error: Exception) -> str:
     """All lines of an error of MuJoCo as one, with the element and the line of the file that it names."""
-    lines = [line.strip().removeprefix("Error: ") for line in str(error).splitlines()]
-    return "; ".join(line.rstrip(".;") for line in lines if line) or type(error).__name__
+    return _one_line(str(error).removeprefix("Error: ")) or type(error).__name__
 
 
 @contextmanager
@@ -35,4 +37,4 @@ def caught_warnings() -> Iterator[list[str]]:
 
 
 def _one_line(text: str) -> str:
-    return "; ".join(line.strip().rstrip(".;") for line in text.splitlines() if line.strip())
+    return "; ".join(line.strip().rstrip(".;:") for line in text.splitlines() if line.strip())

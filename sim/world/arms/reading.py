@@ -1,0 +1,57 @@
+"""Reading an arm's file as MuJoCo reads it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+
+from .errors import ArmError
+from .mujoco_messages import MUJOCO_ERRORS, whole_message
+
+SUFFIXES = (".xml", ".urdf")
+"""How the names of an arm's files end."""
+
+
+def read_spec(path: Path) -> mujoco.MjSpec:
+    """The spec of an MJCF or URDF file, not compiled yet.
+
+    Raises:
+        ArmError: There is no such file, or MuJoCo cannot read it.
+    """
+    _check_is_file(path)
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except MUJOCO_ERRORS as error:
+        raise _refused(path, error) from error
+
+
+def _check_is_file(path: Path) -> None:
+    try:
+        is_folder, is_file = path.is_dir(), path.is_file()
+    except OSError:  # a name that is too long for a file
+        is_folder = is_file = False
+    if is_folder:
+        raise ArmError(f"{path}: this is a folder. Give `arm` the path of the MJCF or URDF file in it.")
+    if not is_file:
+        raise ArmError(f"{path}: no such arm file. Give `arm` the path of an MJCF file, or `default`.")
+    if path.suffix not in SUFFIXES:
+        raise ArmError(
+            f"{path}: MuJoCo tells files by their names, and reads arms from {' and '.join(SUFFIXES)}."
+        )
+
+
+def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    """The model of a spec.
+
+    Raises:
+        ArmError: MuJoCo cannot compile it.
+    """
+    try:
+        return spec.compile()
+    except MUJOCO_ERRORS as error:
+        raise _refused(path, error) from error
+
+
+def _refused(path: Path, error: Exception) -> ArmError:
+    return ArmError(f"{path}: MuJoCo cannot compile this arm: {whole_message(error)}.")

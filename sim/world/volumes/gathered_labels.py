@@ -15,6 +15,11 @@ LARGEST_LABEL = 65_535
 MOST_LABELS = 500
 """A file with more different values is an image; the finest atlas of the body has about 120 labels."""
 
+TOO_MANY = (
+    f"holds more than {MOST_LABELS} different values; this looks like the scan itself. Give the segmentation, whole "
+    "numbers with one label per structure"
+)
+
 Bounds = NDArray[np.int64]
 """First and last index along each axis, shape (3, 2), the last excluded."""
 
@@ -47,10 +52,7 @@ class GatheredLabels:
             labels = values[_slices(bounds)].astype(np.uint16)
             self._counts += np.bincount(labels.ravel(order="K"), minlength=len(self._counts))
             if np.count_nonzero(self._counts[1:]) > MOST_LABELS:
-                raise VolumeError(
-                    f"{self._path}: holds more than {MOST_LABELS} different values; this looks like the scan itself. "
-                    "Give the segmentation, whole numbers with one label per structure"
-                )
+                raise VolumeError(f"{self._path}: {TOO_MANY}")
             bounds[2] += self._n_layers
             self._kept.append((bounds, labels))
         self._n_layers += values.shape[2]

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     # A scenario needs only the names of the codings, and then loads no arrays.
     from .volume import Volume
 
-CodingName = Literal["auto", "lits", "msd-liver", "3d-ircadb", "totalsegmentator"]
+CodingName = Literal["auto", "lits", "msd-liver", "3d-ircadb", "totalsegmentator", "totalsegmentator-v1"]
 """What the numbers of a label volume mean: `auto` for what the labels tell, or one of `CODINGS`."""
 
 
@@ -41,10 +41,14 @@ CODINGS: dict[str, Coding] = {
         organ=(5,),
         structures={"gallbladder": 4, "inferior vena cava": 63, "portal and splenic vein": 64},
     ),
+    "totalsegmentator-v1": Coding(
+        organ=(5,),
+        structures={"gallbladder": 4, "inferior vena cava": 8, "portal and splenic vein": 9},
+    ),
 }
 """LiTS (Bilic et al. 2023) and the Medical Segmentation Decathlon's Task03 (Antonelli et al. 2022) mark liver and
 tumour as 1 and 2; 3D-IRCADb-01 has a mask per structure, 255 inside; TotalSegmentator's task `total`, version 2
-(Wasserthal et al. 2023), numbers 117 structures and has no tumours."""
+(Wasserthal et al. 2023), numbers 117 structures and has no tumours; version 1 numbered 104 in another order."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from sim.world.errors import VolumeError
 from sim.world.names import is_generic, meaning_of, roles_of
 
 from .label_coding import CODINGS, Coding, LabelChoice, describe_labels
-from .label_guess import guess_by_numbers
+from .label_guess import Guess, guess_by_numbers, remarks_on_shapes
 from .volume import Volume
 
 MOST_STRUCTURES = 12
 """Of more named labels that are neither organ nor tumours, as of a whole body, only the vessels are structures."""
+
+UNLIKELY = {"vessel": "a vessel", "tumour": "a tumour", "part": "a part of an organ"}
+"""What an organ is seldom called."""
 
 MOST_TOLD = 8
 """Labels that a notice names before it counts the rest."""
@@ -38,16 +42,18 @@ def coding_of(volume: Volume, choice: LabelChoice, path: object) -> tuple[Coding
         base = Coding(organ=choice.organ)
     else:
         base, remarks = _by_names(volume) or _by_numbers(volume, path)
+    if choice.coding != "auto" and volume.label_names:
+        base = replace(base, structures=_named(volume, base.structures.values()))
+    structures = {name: label for name, label in base.structures.items() if label not in choice.targets}
     coding = Coding(
         organ=choice.organ or base.organ or tuple(volume.counts),
         tumours=choice.tumours or base.tumours,
         targets=choice.targets,
-        structures={
-            **{name: label for name, label in base.structures.items() if label not in choice.targets},
-            **_named(volume, choice.structures),
-        },
+        structures={**structures, **_named(volume, choice.structures)},
         keepouts=_named(volume, choice.keepouts),
     )
+    if choice.coding != "auto" and not volume.label_names:
+        remarks += remarks_on_shapes(volume, base.structures)
     _check_present(volume, coding, choice, path)
     _check_targets(coding, path)
     return coding, [*remarks, *_remarks_on_rest(volume, coding)]
@@ -79,11 +85,11 @@ def _by_numbers(volume: Volume, path: object) -> tuple[Coding, list[str]]:
     """
     names = [volume.label_names.get(label, "") for label in volume.counts]
     is_telling = any(not is_generic(name) and meaning_of(name) is not None for name in names)
-    found = None if is_telling and len(names) > 1 else guess_by_numbers(volume, path)
-    if found is not None:
-        return found
+    guess = Guess() if is_telling and len(names) > 1 else guess_by_numbers(volume)
+    if guess.coding is not None:
+        return guess.coding, list(guess.remarks)
     *others, last = CODINGS
-    why = ", and their names tell none" if is_telling else ""
+    why = ", and their names tell none" if is_telling else "".join(f". {each}" for each in guess.remarks)
     raise VolumeError(
         f"{path}: which of its labels is the organ? It holds {describe_labels(volume)}{why}. Pass `organ_label` N, "
         f"and `tumour_label` M if there are tumours, or `coding` {', '.join(others)} or {last}"
@@ -98,6 +104,11 @@ def _remarks_on_rest(volume: Volume, coding: Coding) -> list[str]:
     tumours = [label for label in rest if meaning_of(volume.label_names.get(label, "")) == "tumour"]
     plain = [label for label in rest if label not in tumours]
     remarks = []
+    for label in coding.organ:
+        if (meaning := meaning_of(volume.label_names.get(label, ""))) in UNLIKELY and len(coding.organ) == 1:
+            remarks.append(
+                f"the organ is {volume.label_text(label)}, which has the name of {UNLIKELY[meaning]}"
+            )
     if tumours:
         verb = "has a tumour's name and is" if len(tumours) == 1 else "have tumours' names and are"
         numbers = " ".join(map(str, tumours))

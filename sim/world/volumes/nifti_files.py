@@ -12,6 +12,7 @@ from nibabel.openers import Opener
 from numpy.typing import NDArray
 
 from .grid import METRES_PER_UNIT, Grid
+from .label_names import extension_names
 from .nifti_places import remarks_on_place
 
 LPS_FROM_RAS = np.diag([-1.0, -1.0, 1.0])
@@ -29,7 +30,8 @@ def read_nifti(path: Path) -> Grid:
     unit = METRES_PER_UNIT.get(str(header.get_xyzt_units()[0]), 1e-3)
     T = np.eye(4)
     T[:3] = LPS_FROM_RAS @ np.asarray(image.affine, dtype=np.float64)[:3] * unit
-    slope, intercept = header.get_slope_inter()
+    # Once an image is loaded, its header forgets slope and intercept; the data object keeps them.
+    slope, intercept = stored.slope, stored.inter
     return Grid(
         shape=tuple(int(n) for n in image.shape),
         dtype=header.get_data_dtype(),
@@ -41,6 +43,7 @@ def read_nifti(path: Path) -> Grid:
         notices=remarks_on_place(
             header, np.asarray(image.affine, dtype=np.float64), image.shape, unit_mm=unit * 1e3
         ),
+        label_names=extension_names(each.content for each in header.extensions),
         is_compressed=path.suffix.lower() == ".gz",
     )
 

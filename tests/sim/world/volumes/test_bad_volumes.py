@@ -39,7 +39,8 @@ BAD_ARRAYS = {
     "many labels": (
         np.arange(1, 28).reshape(3, 3, 3).astype(np.int16),
         {},
-        "which of its labels is the organ.* `coding` lits, msd-liver, 3d-ircadb or totalsegmentator",
+        "which of its labels is the organ.* `coding` lits, msd-liver, 3d-ircadb, totalsegmentator or "
+        "totalsegmentator-v1",
     ),
     "confetti": (
         (np.random.default_rng(1).uniform(size=(60, 60, 60)) < 0.08).astype(np.uint8),

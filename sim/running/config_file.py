@@ -80,7 +80,7 @@ def cannot_repeat(brought: Mapping[str, Any]) -> tuple[str, ...]:
     for name, thing in brought.items():
         if name == "scenario":
             is_held = thing == SCENARIOS.get(thing.name)
-        elif dataclasses.is_dataclass(thing) and not isinstance(thing, type):
+        elif _is_made_from_its_fields(thing):
             is_held = all(
                 _is_held(getattr(thing, field.name), _default_of(field))
                 for field in dataclasses.fields(thing)
@@ -93,6 +93,14 @@ def cannot_repeat(brought: Mapping[str, Any]) -> tuple[str, ...]:
                 f"the {name} was made in memory by a script, with settings that the file does not hold"
             )
     return tuple(told)
+
+
+def _is_made_from_its_fields(thing: Any) -> bool:
+    """Whether a thing is an object of a dataclass that has no constructor of its own beside that of its fields."""
+    if isinstance(thing, type) or not dataclasses.is_dataclass(thing):
+        return False
+    names = {field.name for field in dataclasses.fields(thing) if field.init}
+    return set(inspect.signature(type(thing)).parameters) == names
 
 
 def _default_of(field: dataclasses.Field[Any]) -> Any:

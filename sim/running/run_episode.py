@@ -204,10 +204,15 @@ class _EpisodeRun:
 
     def _finish_or_fail(self, setup_s: float, start_s: float) -> dict[str, Any]:
         """Write what remains to be written; where that fails, for example in a user's own map, the run has failed."""
+        had_failed = self._status == "failed"
         try:
             return self._finish(setup_s, start_s)
         except BaseException:
             self._folder.finish("failed")
+            if (
+                had_failed
+            ):  # the error that ended the episode is on its way, and tells more than what followed from it
+                return {}
             raise
 
     def _sense(self, interrupt: NotedInterrupt, *, show_progress: bool) -> None:

@@ -11,7 +11,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import mujoco
 import pytest
 from page_commands import PAGES, ROOT, Command, all_commands, blocks, make_clone, provide_files
 
@@ -146,9 +145,8 @@ def test_every_key_of_a_scenario_file_is_on_its_page() -> None:
 @pytest.mark.parametrize(("page", "text"), files("xml"), ids=lambda each: each[:20])
 def test_every_arm_can_be_used(page: str, text: str, tmp_path) -> None:
     (tmp_path / "arm.xml").write_text(text)
-    spec, home = ArmModel(path=tmp_path / "arm.xml").load()
-    assert spec.compile().nq == len(home) >= 5  # three for the tip's place, two for its beam
-    assert isinstance(spec, mujoco.MjSpec)
+    arm = ArmModel(path=tmp_path / "arm.xml").load()
+    assert arm.spec.compile().nq == len(arm.home_q) >= 5  # three for the tip's place, two for its beam
 
 
 def test_the_python_of_every_page_runs(tmp_path, monkeypatch) -> None:

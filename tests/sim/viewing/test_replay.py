@@ -99,7 +99,7 @@ def test_bad_options_are_refused(run, capsys, arguments, message) -> None:
     [
         (("--motion", "servo", "--arm", "none"), "no servos"),
         (("--tip-speed-mm-s", "0"), "tip_speed_m_s=0.0"),
-        (("--sensing-s", "nan"), "sensing_s=nan"),
+        (("--sensing-s", "nan"), "--sensing-s nan: must be a finite number"),
         (("--press-mm", "-1"), "press_m=-0.001"),
         (("--force-limit-n", "0"), "force_limit_n=0.0"),
     ],

@@ -97,7 +97,7 @@ def test_a_base_in_the_table_is_told_how_deep_and_what_to_change(ball_anatomy, c
         (("0", "0", "-50"), "in the table, 50 mm below its top. Move it with --base-mm"),
         (("450", "0", "0"), "in the organ"),
         (("0.4", "0", "0"), "was it given in metres?"),
-        (("0", "0", "nan"), "finite numbers"),
+        (("0", "0", "nan"), "finite number"),
         (("0", "90000", "0"), "at most 10000 mm"),
     ],
 )

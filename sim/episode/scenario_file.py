@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from sim.errors import UsageError
 from sim.world.anatomy.case_files import CaseFiles
+from sim.world.text import read_text
 from sim.world.volumes.label_coding import LabelChoice
 
 from .scenario import LIVER, NAMED_ORGANS, SCENARIOS, Scenario
@@ -54,7 +55,7 @@ def load_scenario(name_or_path: str) -> Scenario:
     if path.suffix != ".toml":
         raise UsageError(f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file.")
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(read_text(path))
     except OSError as error:
         raise UsageError(f"{path}: cannot read this scenario file: {error.strerror}.") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

@@ -107,7 +107,7 @@ def _config(folder: Path) -> dict[str, Any]:
     if not (folder / MANIFEST).is_file():
         raise UsageError(f"{folder}: holds no run. Name the folder that `sounding episode` wrote.")
     try:
-        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+        config = json.loads((folder / "config.json").read_text(encoding="utf-8-sig"))
         if not {"arm", "flange", "sensing_s"} <= config["options"].keys():
             raise KeyError("sensing_s")
         return config

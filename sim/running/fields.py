@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from sim.errors import UsageError
+from sim.world.text import read_text
 
 from .config import EpisodeConfig
 
@@ -110,7 +111,7 @@ def read_config(path: Path) -> dict[str, Any]:
         UsageError: The file cannot be read, or is not that of an episode.
     """
     try:
-        options = json.loads(path.read_text(encoding="utf-8"))["options"]
+        options = json.loads(read_text(path))["options"]
         values = {name: value for name, value in options.items() if name not in OF_THE_CALL}
         if not {"scenario", "planner", "seed"} <= values.keys():
             raise KeyError("scenario, planner or seed")

@@ -95,7 +95,7 @@ def _volume_lines(volume: Volume) -> list[str]:
 
 def _pieces(volume: Volume, label: int) -> tuple[int, float, NDArray[np.float64]]:
     """Number of connected pieces of a label, share of its voxels in the largest, and its extent [mm]."""
-    mask = volume.labels == label
+    mask = np.isin(volume.labels, volume.numbers_of((label,)))
     part = mask[box_of(mask)]
     pieces = np.empty(part.shape, dtype=np.int32)
     n = count_pieces(part, pieces)

@@ -237,7 +237,7 @@ def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) 
     coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
     wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
     wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
-    pieces, sizes = label_pieces(volume.labels, wanted)
+    pieces, sizes = label_pieces(volume.labels, [volume.numbers_of((each,)) for each in wanted])
     solids = []
     for piece in np.argsort(-sizes[1:], kind="stable")[:MOST_TUMOURS] + 1:
         diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))

@@ -58,6 +58,12 @@ class Grid:
     """One sentence for each thing assumed."""
     label_names: dict[int, str] = field(default_factory=dict)
     """Names of labels that the file gives."""
+    overlaps: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    """Numbers that stand for several labels at once; filled as layers are read."""
+    bytes_per_voxel: int | None = None
+    """What a voxel takes in the file, where that is not what its type takes."""
+    data_path: Path | None = None
+    """The file of the voxels, where it is not the header's."""
     is_compressed: bool = False
     """Whether the voxels are packed in the file."""
 
@@ -81,17 +87,19 @@ def check_shape(path: Path, grid: Grid) -> tuple[int, int, int]:
             f"{path}: its voxels are of type {grid.dtype}; save whole numbers, one label per voxel"
         )
     n_voxels = shape[0] * shape[1] * shape[2]
-    per_voxel = BYTES_PER_VOXEL + (0 if grid.is_streamed else grid.dtype.itemsize)
+    stored = grid.bytes_per_voxel or grid.dtype.itemsize
+    per_voxel = BYTES_PER_VOXEL + (0 if grid.is_streamed else stored)
     n_bytes, memory = n_voxels * per_voxel, spare_bytes()
     if n_bytes > memory:
         raise VolumeError(
             f"{path}: {' x '.join(map(str, shape))} voxels may take {n_bytes / 2**30:.3g} GiB, more than the "
             f"{memory / 2**30:.2g} GiB that this machine can spare; crop it to the organ or resample it"
         )
-    size = path.stat().st_size * (MOST_DEFLATED if grid.is_compressed else 1)
-    if path.suffix.lower() != ".nhdr" and n_voxels * grid.dtype.itemsize > size:
+    n_file_bytes = (grid.data_path or path).stat().st_size
+    size = n_file_bytes * (MOST_DEFLATED if grid.is_compressed else 1)
+    if path.suffix.lower() != ".nhdr" and n_voxels * stored > size:
         raise VolumeError(
-            f"{path}: the file is cut short: its {path.stat().st_size:,} bytes cannot hold "
+            f"{path}: the file is cut short: its {n_file_bytes:,} bytes cannot hold "
             f"{' x '.join(map(str, shape))} voxels; copy or download it again"
         )
     return shape[0], shape[1], shape[2]

@@ -4,7 +4,7 @@ Patient axes are LPS here (+x left, +y back, +z head), metres; NIfTI files are R
 when read.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,14 +22,16 @@ class Volume:
     """Labels on a grid of voxels: the part of a scan that holds any.
 
     Attributes:
-        labels: Label of each voxel, 0 for none, shape (I, J, K), uint16.
+        labels: Label of each voxel, 0 for none, shape (I, J, K), uint16. Where labels overlap, a number that stands for
+            all of them.
         T_lps_voxel: Affine map of indices of `labels` to patient axes [m], shape (4, 4).
         box: The part of the scan's voxels that `labels` are.
         scan_shape: Numbers of voxels of the whole scan.
-        counts: Number of voxels of each label that occurs, 0 left out.
+        counts: Number of voxels of each label that occurs, 0 left out; a voxel of several counts for each.
         name: The file's name.
         notices: One sentence for each remarkable property.
         label_names: Names of labels that the file itself gives.
+        overlaps: The numbers of `labels` that stand for several labels, and these.
     """
 
     labels: NDArray[np.uint16]
@@ -40,6 +42,13 @@ class Volume:
     name: str
     notices: tuple[str, ...] = ()
     label_names: Mapping[int, str] = field(default_factory=dict)
+    overlaps: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+
+    def numbers_of(self, labels: Iterable[int]) -> tuple[int, ...]:
+        """The numbers of voxels that have at least one of some labels."""
+        wanted = tuple(labels)
+        shared = (number for number, members in self.overlaps.items() if set(members) & set(wanted))
+        return (*wanted, *shared)
 
     def label_text(self, label: int) -> str:
         """A label with its name, if the file gives it one."""
@@ -70,6 +79,22 @@ class Volume:
     def is_oblique(self) -> bool:
         """Whether the grid is turned off the patient's axes."""
         return self.obliquity_rad > OBLIQUE_RAD
+
+
+def counts_with_overlaps(
+    counts: Mapping[int, int], overlaps: Mapping[int, tuple[int, ...]]
+) -> dict[int, int]:
+    """Number of voxels of each label, those that several labels hold included.
+
+    Args:
+        counts: Number of voxels of each number.
+        overlaps: Numbers that stand for several labels.
+    """
+    found: dict[int, int] = {}
+    for number, n in counts.items():
+        for label in overlaps.get(number, (number,)):
+            found[label] = found.get(label, 0) + n
+    return dict(sorted(found.items()))
 
 
 def orientation_of(axes: NDArray[np.float64]) -> str:

@@ -26,6 +26,7 @@ from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumou
 from sim.world.volumes.masks import box_of, label_pieces
 from sim.world.volumes.volume import Volume, shifted
 
+from .anatomy import joined_with_organ
 from .case_files import CaseFiles
 from .label_anatomy import MOST_TUMOURS, LabelledAnatomy, anatomy_of
 from .structures import Structure
@@ -85,11 +86,15 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
             f"{organ_name(files)}: nothing is left of the target class ({'; '.join(notices)}); pass another "
             "`target_label`, or leave it out"
         )
+    organ = found.organ
+    for names, bodies, role in ((tumour_names, tumours, "tumour"), (target_names, targets, "target")):
+        organ, said = joined_with_organ(organ, list(zip(names, bodies, strict=True)), role)
+        notices += said
     structures = list(found.structures)
     structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
     structures += [_structure(file, files, notices, is_keepout=True) for file in files.keepouts]
     return LoadedAnatomy(
-        organ=found.organ,
+        organ=organ,
         tumours=tumours,
         tumour_names=tumour_names,
         targets=targets,

@@ -36,6 +36,7 @@ READING_KEYS = {
     "organ_unit": "unit",
     "organ_frame": "frame",
     "voxel_spacing_m": "spacing_m",
+    "voxel_axes": "voxel_axes",
 }
 """Keys of a scenario file that describe the case's files, and the fields of `CaseFiles` and `LabelChoice` they set."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.anatomy.case_files import CaseFiles
-from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy
+from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy, reading_of
 from sim.world.errors import WorldError
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
@@ -48,7 +48,7 @@ def inspect(files: CaseFiles, picture: Path) -> Inspection:
         WorldError: The organ's file cannot be read at all.
     """
     organ = Path(str(files.organ))
-    volume = load_volume(organ, spacing_m=files.spacing_m) if is_volume(organ) else None
+    volume = load_volume(organ, **reading_of(files)) if is_volume(organ) else None
     lines = [f"{organ}"] + ([] if volume is None else _volume_lines(volume))
     try:
         loaded = load_anatomy(files, volume=volume)

@@ -11,8 +11,10 @@ from scipy.ndimage import binary_erosion, find_objects
 from scipy.spatial import KDTree
 
 from sim.world.errors import MeshError, VolumeError
+from sim.world.meshes.meshes import remarks_on_size
 from sim.world.meshes.pieces import LEAST_SHARE, Piece, PieceError, keep_pieces
 from sim.world.solids.solid import Solid
+from sim.world.volumes.grid import remarks_on_lost_header
 from sim.world.volumes.label_coding import Coding, describe_labels
 from sim.world.volumes.label_surface import (
     ORGAN_SURFACE,
@@ -87,12 +89,14 @@ def anatomy_of(volume: Volume, coding: Coding, path: object, *, piece: str | Non
     if _touches_end(mask, box, volume):
         notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
     organ = _surface(filled(mask), T, ORGAN_SURFACE, path, "the organ")
+    on_size = remarks_on_size(organ.volume_m3, "organ")
     numbers = [
         tuple(volume.numbers_of((each,)) for each in kind) for kind in (coding.tumours, coding.targets)
     ]
     tumours = _tumours(labels, T, mask, numbers[0], "tumour", path, notices)
     targets = _tumours(labels, T, mask, numbers[1], "target", path, notices)
     structures = _structures(volume, coding, organ, path, notices)
+    notices += [*on_size, *remarks_on_lost_header(volume, mask, is_implausible=bool(on_size))]
     return LabelledAnatomy(
         organ=organ, tumours=tumours, targets=targets, structures=structures, notices=notices
     )

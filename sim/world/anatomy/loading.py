@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import trimesh
 
 from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.bodies import separate_solids
-from sim.world.meshes.meshes import load_bodies, load_mesh, load_surface, remarks_on_size
+from sim.world.meshes.meshes import load_bodies, load_mesh, load_surface
 from sim.world.meshes.pieces import is_piece_name
 from sim.world.names import fold
 from sim.world.solids.solid import Solid
@@ -75,7 +75,7 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     if not isinstance(files.organ, str):
         found = LabelledAnatomy(organ=solid_of(files.organ, "organ"))
     elif is_volume(files.organ):
-        found = _labelled(files, volume or load_volume(files.organ, spacing_m=files.spacing_m), notices)
+        found = _labelled(files, volume or load_volume(files.organ, **reading_of(files)), notices)
     else:
         found = _from_mesh(files, notices)
         _refuse_labels(files)
@@ -172,7 +172,7 @@ def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledA
     labels, piece = _choice(files, volume)
     coding, remarks = coding_of(volume, labels, str(files.organ))
     found = anatomy_of(volume, coding, str(files.organ), piece=piece)
-    said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
+    said = [*remarks, *found.notices]
     notices += [*volume.notices, *(f"{volume.name}: {text}" for text in said)]
     return found
 
@@ -197,15 +197,9 @@ def _choice(files: CaseFiles, volume: Volume) -> tuple[LabelChoice, str | None]:
     return replace(files.labels, organ=tuple(named)), None
 
 
-def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
-    """What there is to say of the size of an organ from a volume."""
-    remarks = remarks_on_size(organ.volume_m3, "organ")
-    if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
-        remarks.append(
-            "its header says 1 x 1 x 1 mm, which is what a lost header says: pass the scan's own spacing as "
-            "`spacing_mm` X Y Z"
-        )
-    return remarks
+def reading_of(files: CaseFiles) -> dict[str, Any]:
+    """What is said of the grids of volumes, as arguments of `load_volume`."""
+    return {"spacing_m": files.spacing_m, "axes": files.voxel_axes}
 
 
 def is_label_volume(body: Body) -> bool:
@@ -237,7 +231,7 @@ def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) 
         solids, said = load_bodies(file, files.unit, role=role, frame=files.frame)
         notices += said
         return list(solids)
-    volume = load_volume(file, spacing_m=files.spacing_m)
+    volume = load_volume(file, **reading_of(files))
     notices += volume.notices
     coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
     wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
@@ -259,7 +253,7 @@ def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: b
         surface = load_surface(file, files.unit, frame=files.frame)
         notices += surface.notices
         return Structure(name=name, solid=surface.solid, is_keepout=is_keepout)
-    volume = load_volume(file, spacing_m=files.spacing_m)
+    volume = load_volume(file, **reading_of(files))
     notices += volume.notices
     if len(volume.counts) > 1:
         raise VolumeError(

@@ -23,7 +23,7 @@ from .grid import Grid, check_affine, check_shape
 from .label_values import read_labels
 from .nifti_files import opened, read_mgh, read_nifti
 from .nrrd_files import read_nrrd
-from .volume import Volume, counts_with_overlaps, shifted
+from .volume import Volume, counts_with_overlaps, is_bare, shifted
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".hdr", ".img", ".img.gz", ".mgz", ".mgh")
 """Endings of files that are read."""
@@ -80,12 +80,15 @@ def is_dicom(path: Path) -> bool:
         return False
 
 
-def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | None = None) -> Volume:
+def load_volume(
+    path: str | Path, *, spacing_m: tuple[float, float, float] | None = None, axes: str | None = None
+) -> Volume:
     """The label volume of a file.
 
     Args:
         path: A .nii, .nii.gz, .nrrd, .nhdr, .mgz or .mgh file, or one of a pair of .hdr and .img.
         spacing_m: Distances between voxels [m] in place of the header's, where that is known to be wrong.
+        axes: Where the voxels' axes run, for example RAS, in place of the header's.
 
     Returns:
         The labels in patient axes, and what is remarkable about the file.
@@ -98,7 +101,7 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
     try:
         grid = _read(path)
         shape = check_shape(path, grid)
-        T_lps_voxel = check_affine(path, grid, spacing_m)
+        T_lps_voxel = check_affine(path, grid, spacing_m, axes)
         found = read_labels(
             path, grid.layers, shape, dtype=grid.dtype, slope=grid.slope, intercept=grid.intercept
         )
@@ -109,7 +112,8 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
     volume = Volume(
         labels=found.labels, T_lps_voxel=shifted(T_lps_voxel, found.box), box=found.box, scan_shape=shape,
         counts=counts_with_overlaps(found.counts, grid.overlaps), name=path.name, label_names=grid.label_names,
-        overlaps=grid.overlaps,
+        overlaps=grid.overlaps, is_bare=is_bare(grid.T_lps_voxel), is_respaced=spacing_m is not None,
+        is_turned=axes is not None,
     )  # fmt: skip
     notices = [*grid.notices, *found.remarks]
     if volume.is_oblique:

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 AXIS_LETTERS = (("R", "L"), ("A", "P"), ("I", "S"))
 """Where decreasing and increasing LPS coordinates lead: right and left, front and back, foot and head."""
 
+BARE_TOLERANCE = 1e-6
+"""Share by which the voxels of a lost header may differ from 1 mm."""
+
 OBLIQUE_RAD = np.deg2rad(0.5)
 """A volume is oblique if an axis is turned further off the patient's axes than this."""
 
@@ -32,6 +35,9 @@ class Volume:
         notices: One sentence for each remarkable property.
         label_names: Names of labels that the file itself gives.
         overlaps: The numbers of `labels` that stand for several labels, and these.
+        is_bare: Whether the header has voxels of 1 mm along the patient's axes, as one that was lost has.
+        is_respaced: Whether the spacing is not the header's but given.
+        is_turned: Whether the axes are not the header's but given.
     """
 
     labels: NDArray[np.uint16]
@@ -43,6 +49,9 @@ class Volume:
     notices: tuple[str, ...] = ()
     label_names: Mapping[int, str] = field(default_factory=dict)
     overlaps: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    is_bare: bool = False
+    is_respaced: bool = False
+    is_turned: bool = False
 
     def numbers_of(self, labels: Iterable[int]) -> tuple[int, ...]:
         """The numbers of voxels that have at least one of some labels."""
@@ -95,6 +104,29 @@ def counts_with_overlaps(
         for label in overlaps.get(number, (number,)):
             found[label] = found.get(label, 0) + n
     return dict(sorted(found.items()))
+
+
+def directions_of(letters: str) -> NDArray[np.float64] | None:
+    """The directions in LPS of axes that are named by letters, as columns, shape (3, 3); None if they are no axes.
+
+    Args:
+        letters: Where the axes run, for example RAS.
+    """
+    columns = []
+    for letter in letters.upper():
+        for axis, pair in enumerate(AXIS_LETTERS):
+            if letter in pair:
+                columns.append(np.eye(3)[axis] * (1.0 if letter == pair[1] else -1.0))
+    if len(letters) != 3 or len(columns) != 3:
+        return None
+    matrix = np.array(columns).T
+    return matrix if abs(np.linalg.det(matrix)) > 0.5 else None
+
+
+def is_bare(T_lps_voxel: NDArray[np.float64]) -> bool:
+    """Whether a map of voxels has steps of 1 mm along the patient's axes in their order, as a lost header has."""
+    steps = np.abs(T_lps_voxel[:3, :3])
+    return bool(np.allclose(steps, np.eye(3) * 1e-3, rtol=0.0, atol=1e-3 * BARE_TOLERANCE))
 
 
 def orientation_of(axes: NDArray[np.float64]) -> str:

@@ -79,7 +79,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """The whole rows of a CSV file: none where it is missing, and no last row that was cut short by a kill."""
     if not path.is_file():
         return []
-    with path.open(newline="", encoding="utf-8") as file:
+    with path.open(newline="", encoding="utf-8-sig") as file:
         return [row for row in csv.DictReader(file) if None not in row.values() and None not in row]
 
 

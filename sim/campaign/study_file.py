@@ -11,6 +11,7 @@ from typing import Any
 
 from sim.errors import UsageError
 from sim.running.fields import converted
+from sim.world.text import read_text
 
 from .study import Part, Study, option_names, parse_seeds
 
@@ -42,7 +43,7 @@ def load_study(name_or_path: str, overrides: Mapping[str, Any] | None = None) ->
     if path.suffix != ".toml":
         raise UsageError(f"study {name_or_path!r}: not one of {', '.join(study_names())}, nor a .toml file.")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         table = tomllib.loads(text)
     except OSError as error:
         raise UsageError(f"{path}: cannot read this study file: {error.strerror}.") from error

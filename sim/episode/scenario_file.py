@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from sim.errors import UsageError
 from sim.world.anatomy.case_files import CaseFiles
+from sim.world.text import read_text
 from sim.world.volumes.label_coding import LabelChoice
 
 from .scenario import LIVER, NAMED_ORGANS, SCENARIOS, Scenario
@@ -35,6 +36,7 @@ READING_KEYS = {
     "organ_unit": "unit",
     "organ_frame": "frame",
     "voxel_spacing_m": "spacing_m",
+    "voxel_axes": "voxel_axes",
 }
 """Keys of a scenario file that describe the case's files, and the fields of `CaseFiles` and `LabelChoice` they set."""
 
@@ -57,7 +59,7 @@ def load_scenario(name_or_path: str) -> Scenario:
             "made in memory has no file: give it as an object again."
         )
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(read_text(path))
     except OSError as error:
         raise UsageError(f"{path}: cannot read this scenario file: {error.strerror}.") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:

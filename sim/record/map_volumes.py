@@ -154,7 +154,7 @@ def read_maps(folder: Path) -> tuple[list[MapArrays], NDArray[np.float64]]:
             f"{folder}: holds no map.npz. Name the folder of a run of `sounding episode` with a map."
         )
     try:
-        config: Mapping[str, Any] = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+        config: Mapping[str, Any] = json.loads((folder / "config.json").read_text(encoding="utf-8-sig"))
         T_world_organ = np.asarray(config["T_world_organ"], dtype=np.float64)
         with np.load(folder / "map.npz", allow_pickle=False) as file:
             name = str(config["scenario"]["target_name"]) if "target_probability" in file.files else None

@@ -106,7 +106,7 @@ def set_state(scene: Scene, data: mujoco.MjData, state: NDArray[np.float64]) -> 
 def _config(folder: Path) -> dict[str, Any]:
     check_run_folder(folder)
     try:
-        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+        config = json.loads((folder / "config.json").read_text(encoding="utf-8-sig"))
         if not {"arm", "flange", "sensing_s"} <= config["options"].keys():
             raise KeyError("sensing_s")
         return config

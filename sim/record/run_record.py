@@ -152,7 +152,7 @@ def _history(folder: Path, of: str, n_points: int, n_steps: int) -> dict[int, ND
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
         if not isinstance(content, dict):
             raise ValueError("holds no object")
         return content

@@ -20,6 +20,7 @@ MM = 1e-3
 PATIENT_FIELDS = (
     *("organ_object", "tumour", "organ_label", "tumour_label", "target", "target_label"),
     *("structure", "structure_label", "keepout", "keepout_label", "spacing_mm"),
+    "voxel_axes",
 )
 """Fields that mean nothing without a patient's own organ."""
 
@@ -58,6 +59,8 @@ class CaseConfig:
     """Labels of structures near which the probe must not press."""
     spacing_mm: tuple[float, float, float] | None = None
     """Distances between the voxels of a label volume [mm], in place of those in its header where these are wrong."""
+    voxel_axes: str | None = None
+    """Where the axes of the volume run, such as LPS or RAS, in place of what its header says where that is wrong."""
 
     def check(self, organ: Path | None) -> None:
         """Check that the fields go with the organ's file, which is None for the scenario's own organ.
@@ -89,6 +92,7 @@ class CaseConfig:
                 keepouts=self.keepout_label,
             ),
             spacing_m=None if self.spacing_mm is None else metres(self.spacing_mm),
+            voxel_axes=self.voxel_axes,
         )
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from sim.errors import UsageError
+from sim.world.text import read_text
 
 from .config import EpisodeConfig
 
@@ -112,7 +113,7 @@ def read_config(path: Path) -> EpisodeConfig:
         UsageError: The file cannot be read, or is not that of an episode.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_text(path))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror}). Name a run's config.json.") from error
     except ValueError as error:

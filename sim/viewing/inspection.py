@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.anatomy.case_files import CaseFiles
-from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy
+from sim.world.anatomy.loading import LoadedAnatomy, load_anatomy, reading_of
 from sim.world.errors import WorldError
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
@@ -49,7 +49,7 @@ def inspect(files: CaseFiles, picture: Path) -> Inspection:
         WorldError: The organ's file cannot be read at all.
     """
     organ = Path(str(files.organ))
-    volume = load_volume(organ, spacing_m=files.spacing_m) if is_volume(organ) else None
+    volume = load_volume(organ, **reading_of(files)) if is_volume(organ) else None
     lines = [f"{organ}"] + ([] if volume is None else _volume_lines(volume))
     try:
         loaded = load_anatomy(files, volume=volume)
@@ -96,7 +96,7 @@ def _volume_lines(volume: Volume) -> list[str]:
 
 def _pieces(volume: Volume, label: int) -> tuple[int, float, NDArray[np.float64]]:
     """The number of connected pieces of a label, the share of its voxels in the largest, and its extent [mm]."""
-    mask = volume.labels == label
+    mask = np.isin(volume.labels, volume.numbers_of((label,)))
     part = mask[box_of(mask)]
     pieces = np.empty(part.shape, dtype=np.int32)
     n = count_pieces(part, pieces)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+from pathlib import Path
 
 
 def decoded(content: bytes, *, is_strict: bool = False) -> str:
@@ -24,3 +25,13 @@ def decoded(content: bytes, *, is_strict: bool = False) -> str:
             if is_strict:
                 raise
     return content.decode("latin-1")
+
+
+def read_text(path: Path) -> str:
+    """The text of a file that is UTF-8 or begins with a byte order mark, as Windows' Notepad writes, with plain lines.
+
+    Raises:
+        OSError: The file cannot be read.
+        UnicodeDecodeError: It is no such text.
+    """
+    return decoded(path.read_bytes(), is_strict=True).replace("\r\n", "\n").replace("\r", "\n")

@@ -6,13 +6,18 @@ what protrudes is never sensed and counts as nothing.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import binary_closing, binary_dilation
 
 from sim.world.errors import AnatomyError, MeshError
 from sim.world.solids.solid import Solid, check_points
+from sim.world.solids.surface_distance import SurfaceDistance
+from sim.world.volumes.label_surface import ORGAN_SURFACE, surface_of
+from sim.world.volumes.masks import filled
 
 from .structures import Structure
 
@@ -24,6 +29,12 @@ LEAST_INSIDE_SHARE = 0.5
 
 REMARKABLE_OUTSIDE_SHARE = 0.01
 """Share of a tumour outside the organ that is worth a notice."""
+
+TOUCH_M = 3e-3
+"""Surfaces touch where they are this close [m]: outlines of two masks that share a face are a voxel apart at most."""
+
+LEAST_TOUCHING_SHARE = 0.05
+"""A body touches the organ if this share of its vertices does."""
 
 MAX_DRAWS = 50
 """Rounds of drawing points of a tumour that are also inside the organ."""
@@ -137,6 +148,70 @@ def build_anatomy(
     return Anatomy(
         organ, tuple(tumours), name, tuple(remarks), points_m, tumour_index, tuple(structures), target
     )
+
+
+def joined_with_organ(
+    organ: Solid, bodies: Sequence[tuple[str, Solid]], noun: str = "tumour"
+) -> tuple[Solid, list[str]]:
+    """The organ together with bodies that its outline leaves out, and a sentence on each.
+
+    Some masks of an organ leave its tumours out. A body that lies mostly outside the organ, touches it along some of
+    its surface and is smaller is taken for such a tumour: both are drawn on a lattice, the gap between them is closed,
+    and one surface is drawn about them.
+
+    Args:
+        organ: The organ.
+        bodies: The bodies with their names, in the same frame.
+        noun: What they are.
+    """
+    left_out = [(name, body) for name, body in bodies if _is_left_out(organ, body)]
+    if not left_out:
+        return organ, []
+    said = [
+        f"{name}: the organ's outline leaves this {noun} out and touches it; it was joined to the organ"
+        for name, _ in left_out
+    ]
+    return _drawn_together(organ, [body for _, body in left_out]), said
+
+
+def _is_left_out(organ: Solid, body: Solid) -> bool:
+    """Whether a body lies mostly outside an organ, touches it and is smaller."""
+    if body.volume_m3 >= organ.volume_m3:
+        return False
+    try:
+        inside = organ.contains(body.sample_inside(N_DETECTION_POINTS, np.random.default_rng(0)))
+    except MeshError:
+        return False
+    if inside.mean() >= LEAST_INSIDE_SHARE:
+        return False
+    low_m, high_m = organ.bounds_m
+    if (body.bounds_m[0] > high_m + TOUCH_M).any() or (body.bounds_m[1] < low_m - TOUCH_M).any():
+        return False
+    distance_m = SurfaceDistance(organ).distance_m(body.vertices_m)
+    return bool((distance_m <= TOUCH_M).mean() >= LEAST_TOUCHING_SHARE)
+
+
+def _drawn_together(organ: Solid, bodies: Sequence[Solid]) -> Solid:
+    """One surface about an organ and bodies that touch it."""
+    every = (organ, *bodies)
+    low_m = np.min([each.bounds_m[0] for each in every], axis=0) - 2.0 * TOUCH_M
+    high_m = np.max([each.bounds_m[1] for each in every], axis=0) + 2.0 * TOUCH_M
+    spacing_m = ORGAN_SURFACE.spacing_m
+    axes_m = [np.arange(low, high, spacing_m) for low, high in zip(low_m, high_m, strict=True)]
+    points_m = np.stack(np.meshgrid(*axes_m, indexing="ij"), axis=-1)
+    shape, flat_m = points_m.shape[:3], points_m.reshape(-1, 3)
+    mask = organ.contains(flat_m).reshape(shape)
+    held = np.any([body.contains(flat_m).reshape(shape) for body in bodies], axis=0)
+    radius = int(np.ceil(TOUCH_M / spacing_m))
+    steps = np.indices((2 * radius + 1,) * 3) - radius
+    ball = (steps**2).sum(axis=0) <= radius**2
+    # Beyond the gap the organ keeps its own clefts and cavities.
+    near = np.asarray(binary_dilation(held, ball), dtype=bool)
+    closed = filled(np.asarray(binary_closing(mask | held, ball), dtype=bool))
+    mask |= held | (closed & near)
+    T = np.diag([spacing_m] * 3 + [1.0])
+    T[:3, 3] = low_m
+    return surface_of(mask, T, ORGAN_SURFACE)
 
 
 def _draw_inside(

@@ -45,6 +45,8 @@ class CaseFiles:
     """What the labels of volumes mean."""
     spacing_m: tuple[float, float, float] | None = None
     """Distances between voxels in place of the header's [m]."""
+    voxel_axes: str | None = None
+    """Where the axes of volumes run in place of the header's, for example RAS."""
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -11,8 +11,10 @@ from scipy.ndimage import binary_erosion, find_objects
 from scipy.spatial import KDTree
 
 from sim.world.errors import MeshError, VolumeError
+from sim.world.meshes.meshes import remarks_on_size
 from sim.world.meshes.pieces import LEAST_SHARE, Piece, PieceError, keep_pieces
 from sim.world.solids.solid import Solid
+from sim.world.volumes.grid import remarks_on_lost_header
 from sim.world.volumes.label_coding import Coding, describe_labels
 from sim.world.volumes.label_surface import (
     ORGAN_SURFACE,
@@ -77,8 +79,8 @@ def anatomy_of(volume: Volume, coding: Coding, path: object, *, piece: str | Non
         VolumeError: The organ is scattered, several pieces could be it, or no surface can be drawn about it.
     """
     notices: list[str] = []
-    wanted = np.zeros(max(volume.counts) + 1, dtype=bool)
-    parts = (*coding.organ, *coding.tumours, *coding.targets)
+    wanted = np.zeros(int(max((*volume.counts, *volume.overlaps))) + 1, dtype=bool)
+    parts = volume.numbers_of((*coding.organ, *coding.tumours, *coding.targets))
     wanted[[each for each in parts if each < len(wanted)]] = True
     box = box_of(wanted[volume.labels])
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
@@ -87,9 +89,14 @@ def anatomy_of(volume: Volume, coding: Coding, path: object, *, piece: str | Non
     if _touches_end(mask, box, volume):
         notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
     organ = _surface(filled(mask), T, ORGAN_SURFACE, path, "the organ")
-    tumours = _tumours(labels, T, mask, coding.tumours, "tumour", path, notices)
-    targets = _tumours(labels, T, mask, coding.targets, "target", path, notices)
+    on_size = remarks_on_size(organ.volume_m3, "organ")
+    numbers = [
+        tuple(volume.numbers_of((each,)) for each in kind) for kind in (coding.tumours, coding.targets)
+    ]
+    tumours = _tumours(labels, T, mask, numbers[0], "tumour", path, notices)
+    targets = _tumours(labels, T, mask, numbers[1], "target", path, notices)
     structures = _structures(volume, coding, organ, path, notices)
+    notices += [*on_size, *remarks_on_lost_header(volume, mask, is_implausible=bool(on_size))]
     return LabelledAnatomy(
         organ=organ, tumours=tumours, targets=targets, structures=structures, notices=notices
     )
@@ -160,7 +167,7 @@ def _tumours(
     labels: NDArray[np.uint16],
     T: NDArray[np.float64],
     organ: NDArray[np.bool_],
-    wanted: tuple[int, ...],
+    wanted: tuple[tuple[int, ...], ...],
     noun: str,
     path: object,
     notices: list[str],
@@ -168,7 +175,7 @@ def _tumours(
     """A surface for each connected piece of the tumours' labels, or the targets', in the organ."""
     if not wanted:
         return ()
-    is_wanted = np.isin(labels, wanted)
+    is_wanted = np.isin(labels, [number for each in wanted for number in each])
     if not is_wanted.any():
         return ()
     part = box_of(is_wanted)
@@ -211,7 +218,7 @@ def _structures(
     box = _box_about(volume, organ)
     labels, T = volume.labels[box], shifted(volume.T_lps_voxel, box)
     for name, each in {**coding.structures, **coding.keepouts}.items():
-        mask = labels == each
+        mask = np.isin(labels, volume.numbers_of((each,)))
         if mask.sum() * volume.voxel_volume_m3 < LEAST_STRUCTURE_M3:
             if each in volume.counts:
                 far.append(name)

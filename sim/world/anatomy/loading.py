@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import trimesh
 
 from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.bodies import separate_solids
-from sim.world.meshes.meshes import load_bodies, load_mesh, load_surface, remarks_on_size
+from sim.world.meshes.meshes import load_bodies, load_mesh, load_surface
 from sim.world.meshes.pieces import is_piece_name
 from sim.world.names import fold
 from sim.world.solids.solid import Solid
@@ -26,6 +26,7 @@ from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumou
 from sim.world.volumes.masks import box_of, label_pieces
 from sim.world.volumes.volume import Volume, shifted
 
+from .anatomy import joined_with_organ
 from .case_files import CaseFiles
 from .label_anatomy import MOST_TUMOURS, LabelledAnatomy, anatomy_of
 from .structures import Structure
@@ -74,7 +75,7 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     if not isinstance(files.organ, str):
         found = LabelledAnatomy(organ=solid_of(files.organ, "organ"))
     elif is_volume(files.organ):
-        found = _labelled(files, volume or load_volume(files.organ, spacing_m=files.spacing_m), notices)
+        found = _labelled(files, volume or load_volume(files.organ, **reading_of(files)), notices)
     else:
         found = _from_mesh(files, notices)
         _refuse_labels(files)
@@ -85,11 +86,15 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
             f"{organ_name(files)}: nothing is left of the target class ({'; '.join(notices)}); pass another "
             "`target_label`, or leave it out"
         )
+    organ = found.organ
+    for names, bodies, role in ((tumour_names, tumours, "tumour"), (target_names, targets, "target")):
+        organ, said = joined_with_organ(organ, list(zip(names, bodies, strict=True)), role)
+        notices += said
     structures = list(found.structures)
     structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
     structures += [_structure(file, files, notices, is_keepout=True) for file in files.keepouts]
     return LoadedAnatomy(
-        organ=found.organ,
+        organ=organ,
         tumours=tumours,
         tumour_names=tumour_names,
         targets=targets,
@@ -167,7 +172,7 @@ def _labelled(files: CaseFiles, volume: Volume, notices: list[str]) -> LabelledA
     labels, piece = _choice(files, volume)
     coding, remarks = coding_of(volume, labels, str(files.organ))
     found = anatomy_of(volume, coding, str(files.organ), piece=piece)
-    said = [*remarks, *found.notices, *remarks_on_spacing(volume, found.organ)]
+    said = [*remarks, *found.notices]
     notices += [*volume.notices, *(f"{volume.name}: {text}" for text in said)]
     return found
 
@@ -192,15 +197,9 @@ def _choice(files: CaseFiles, volume: Volume) -> tuple[LabelChoice, str | None]:
     return replace(files.labels, organ=tuple(named)), None
 
 
-def remarks_on_spacing(volume: Volume, organ: Solid) -> list[str]:
-    """What there is to say of the size of an organ from a volume."""
-    remarks = remarks_on_size(organ.volume_m3, "organ")
-    if remarks and np.allclose(volume.spacing_m, 1e-3, rtol=1e-6):
-        remarks.append(
-            "its header says 1 x 1 x 1 mm, which is what a lost header says: pass the scan's own spacing as "
-            "`spacing_mm` X Y Z"
-        )
-    return remarks
+def reading_of(files: CaseFiles) -> dict[str, Any]:
+    """What is said of the grids of volumes, as arguments of `load_volume`."""
+    return {"spacing_m": files.spacing_m, "axes": files.voxel_axes}
 
 
 def is_label_volume(body: Body) -> bool:
@@ -232,12 +231,12 @@ def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) 
         solids, said = load_bodies(file, files.unit, role=role, frame=files.frame)
         notices += said
         return list(solids)
-    volume = load_volume(file, spacing_m=files.spacing_m)
+    volume = load_volume(file, **reading_of(files))
     notices += volume.notices
     coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
     wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
     wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
-    pieces, sizes = label_pieces(volume.labels, wanted)
+    pieces, sizes = label_pieces(volume.labels, [volume.numbers_of((each,)) for each in wanted])
     solids = []
     for piece in np.argsort(-sizes[1:], kind="stable")[:MOST_TUMOURS] + 1:
         diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
@@ -254,7 +253,7 @@ def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: b
         surface = load_surface(file, files.unit, frame=files.frame)
         notices += surface.notices
         return Structure(name=name, solid=surface.solid, is_keepout=is_keepout)
-    volume = load_volume(file, spacing_m=files.spacing_m)
+    volume = load_volume(file, **reading_of(files))
     notices += volume.notices
     if len(volume.counts) > 1:
         raise VolumeError(

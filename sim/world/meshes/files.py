@@ -95,8 +95,12 @@ def _read(path: Path) -> tuple[ReadMesh, bytes]:
     _check_memory(path)
     try:
         content = path.read_bytes()
+        if content.startswith(b"\x1f\x8b"):
+            raise MeshError(f"{path}: is packed by gzip; unpack it first (gunzip)")
         with _quiet_reader():
             read = _read_stl(content) if path.suffix.lower() == ".stl" else _read_by_trimesh(path, content)
+    except MeshError:
+        raise
     except (StlError, GltfError) as error:
         raise MeshError(f"{path}: {error}") from error
     except READER_ERRORS as error:
@@ -115,11 +119,14 @@ def _check_is_mesh(path: Path) -> None:
         MeshError: It is not.
     """
     if path.is_dir():
-        raise MeshError(f"{path}: is a folder; name the file in it that holds the organ")
+        raise MeshError(f"{path}: is a folder; name the file in it")
     if not path.is_file():
         raise MeshError(f"{path}: there is no such file; check the path")
     if path.suffix.lower() not in FORMATS:
-        raise MeshError(f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)}")
+        raise MeshError(
+            f"{path}: format {path.suffix!r} is not read; convert to one of {', '.join(FORMATS)} (3D Slicer, MeshLab "
+            "and Blender save them), or give a label volume as .nii.gz or .nrrd"
+        )
 
 
 def _read_stl(content: bytes) -> ReadMesh:

@@ -19,13 +19,39 @@ from nibabel.wrapstruct import WrapStructError
 
 from sim.world.errors import VolumeError
 
-from .grid import check_affine, check_shape
+from .grid import Grid, check_affine, check_shape
 from .label_values import read_labels
-from .nifti_files import read_nifti
+from .nifti_files import opened, read_mgh, read_nifti
 from .nrrd_files import read_nrrd
-from .volume import Volume, shifted
+from .volume import Volume, counts_with_overlaps, is_bare, shifted
 
-SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr")
+SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".hdr", ".img", ".img.gz", ".mgz", ".mgh")
+"""Endings of files that are read."""
+
+KINDS = {".nrrd": "NRRD", ".nhdr": "NRRD", ".mgz": "FreeSurfer's MGH", ".mgh": "FreeSurfer's MGH"}
+"""What files are called in messages; the others are NIfTI."""
+
+UNREAD = (
+    *(".mha", ".mhd", ".dcm", ".dicom", ".ima", ".gipl", ".gipl.gz", ".mnc", ".vti", ".nii.bz2", ".nii.zip"),
+    *(".tif", ".tiff", ".npy", ".npz", ".mat", ".h5", ".hdf5", ".mrb", ".raw"),
+)
+"""Endings of label volumes that are not read."""
+
+DICOM_ENDINGS = (".dcm", ".dicom", ".ima")
+DICOM_START, DICOM_MAGIC = 128, b"DICM"
+
+MOST_LOOKED_AT = 20
+"""Files of a folder that are looked at for DICOM."""
+
+HOW_DICOM = (
+    "DICOM is not read; load it with 3D Slicer's DICOM module and save the segmentation as .seg.nrrd or .nii.gz (a "
+    "DICOM-SEG needs the extension QuantitativeReporting, an RTSTRUCT SlicerRT)"
+)
+
+HOW = (
+    "is not read; save it as .nii.gz or .nrrd, in 3D Slicer by Add Data and Save, or in Python with SimpleITK: "
+    "WriteImage(ReadImage('{name}'), 'labels.nii.gz')"
+)
 
 READER_ERRORS = (
     *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
@@ -36,16 +62,33 @@ READER_ERRORS = (
 
 
 def is_volume(path: str | Path) -> bool:
-    """Whether a path is named like a label volume."""
-    return str(path).lower().endswith(SUFFIXES)
+    """Whether a path is that of a label volume, of a format that is read or of another, by its name or as DICOM."""
+    return str(path).lower().endswith((*SUFFIXES, *UNREAD)) or is_dicom(Path(path))
 
 
-def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | None = None) -> Volume:
+def is_dicom(path: Path) -> bool:
+    """Whether a path is that of a DICOM file, or of a folder of some."""
+    if path.is_dir():
+        files = [each for each in sorted(path.iterdir()) if each.is_file()]
+        return any(is_dicom(each) for each in files[:MOST_LOOKED_AT])
+    if path.name.lower().endswith(DICOM_ENDINGS):
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(DICOM_START + len(DICOM_MAGIC))[DICOM_START:] == DICOM_MAGIC
+    except OSError:
+        return False
+
+
+def load_volume(
+    path: str | Path, *, spacing_m: tuple[float, float, float] | None = None, axes: str | None = None
+) -> Volume:
     """The label volume of a file.
 
     Args:
-        path: A .nii, .nii.gz, .nrrd or .nhdr file.
+        path: A .nii, .nii.gz, .nrrd, .nhdr, .mgz or .mgh file, or one of a pair of .hdr and .img.
         spacing_m: Distances between voxels [m] in place of the header's, where that is known to be wrong.
+        axes: Where the voxels' axes run, for example RAS, in place of the header's.
 
     Returns:
         The labels in patient axes, and what is remarkable about the file.
@@ -54,14 +97,11 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
         VolumeError: The file cannot be read, is too large, or holds no labels.
     """
     path = Path(path)
-    if not path.is_file():
-        raise VolumeError(f"{path}: there is no such file; check the path")
-    if not is_volume(path):
-        raise VolumeError(f"{path}: not read as a label volume; convert to one of {', '.join(SUFFIXES)}")
+    _check_is_read(path)
     try:
-        grid = read_nifti(path) if str(path).lower().endswith((".nii", ".nii.gz")) else read_nrrd(path)
+        grid = _read(path)
         shape = check_shape(path, grid)
-        T_lps_voxel = check_affine(path, grid, spacing_m)
+        T_lps_voxel = check_affine(path, grid, spacing_m, axes)
         found = read_labels(
             path, grid.layers, shape, dtype=grid.dtype, slope=grid.slope, intercept=grid.intercept
         )
@@ -71,7 +111,9 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
         raise _unreadable(path, error) from error
     volume = Volume(
         labels=found.labels, T_lps_voxel=shifted(T_lps_voxel, found.box), box=found.box, scan_shape=shape,
-        counts=found.counts, name=path.name, label_names=grid.label_names,
+        counts=counts_with_overlaps(found.counts, grid.overlaps), name=path.name, label_names=grid.label_names,
+        overlaps=grid.overlaps, is_bare=is_bare(grid.T_lps_voxel), is_respaced=spacing_m is not None,
+        is_turned=axes is not None,
     )  # fmt: skip
     notices = [*grid.notices, *found.remarks]
     if volume.is_oblique:
@@ -80,8 +122,33 @@ def load_volume(path: str | Path, *, spacing_m: tuple[float, float, float] | Non
     return replace(volume, notices=tuple(f"{path.name}: {notice}" for notice in notices))
 
 
+def _check_is_read(path: Path) -> None:
+    """Nothing, if a path is that of a file of a format that is read.
+
+    Raises:
+        VolumeError: It is not, with what to do.
+    """
+    if not path.exists():
+        raise VolumeError(f"{path}: there is no such file; check the path")
+    if is_dicom(path):
+        raise VolumeError(f"{path}: {'is a folder of DICOM files. ' if path.is_dir() else ''}{HOW_DICOM}")
+    if not path.is_file():
+        raise VolumeError(f"{path}: is a folder; name the file in it")
+    if not str(path).lower().endswith(SUFFIXES):
+        raise VolumeError(f"{path}: format {path.suffix!r} {HOW.format(name=path.name)}")
+
+
+def _read(path: Path) -> Grid:
+    """The grid of a file; an NRRD file is told by its first bytes whatever its name says."""
+    with opened(path) as file:
+        start = file.read(4)
+    if start == b"NRRD" or path.suffix.lower() in (".nrrd", ".nhdr"):
+        return read_nrrd(path)
+    return read_mgh(path) if path.suffix.lower() in (".mgz", ".mgh") else read_nifti(path)
+
+
 def _unreadable(path: Path, error: BaseException) -> VolumeError:
-    kind = "NRRD" if path.suffix.lower() in (".nrrd", ".nhdr") else "NIfTI"
+    kind = KINDS.get(path.suffix.lower(), "NIfTI")
     reason = (str(error).splitlines() or [""])[0][:160].rstrip(".")
     if isinstance(error, EOFError | zlib.error) or "Expected" in reason or "mmap length" in reason:
         return VolumeError(f"{path}: the file is cut short or damaged ({reason}); copy or download it again")

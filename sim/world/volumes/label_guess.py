@@ -157,7 +157,7 @@ def _extents_m(volume: Volume, labels: Iterable[int]) -> NDArray[np.float64]:
 
 def _largest_piece(volume: Volume, labels: Iterable[int]) -> NDArray[np.bool_]:
     """The largest connected piece of some labels, in its bounding box."""
-    mask = np.isin(volume.labels, list(labels))
+    mask = np.isin(volume.labels, volume.numbers_of(labels))
     mask = mask[box_of(mask)]
     numbers = np.empty(mask.shape, dtype=np.int32)
     if count_pieces(mask, numbers, is_by_corner=True) > 1:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import generate_binary_structure, label
@@ -20,13 +22,13 @@ def count_pieces(mask: NDArray[np.bool_], pieces: NDArray[np.int32], *, is_by_co
 
 
 def label_pieces(
-    labels: NDArray[np.uint16], wanted: tuple[int, ...]
+    labels: NDArray[np.uint16], wanted: Sequence[tuple[int, ...]]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """The connected pieces of labels, each label by itself; voxels that touch by a corner are connected.
 
     Args:
-        labels: Label of each voxel, shape (I, J, K).
-        wanted: Labels whose pieces are numbered.
+        labels: Number of each voxel, shape (I, J, K).
+        wanted: The numbers of each label whose pieces are numbered.
 
     Returns:
         Piece of each voxel, 0 for none, and numbers of voxels, that of piece 1 at index 1.
@@ -34,7 +36,7 @@ def label_pieces(
     pieces, n = np.zeros(labels.shape, dtype=np.int32), 0
     for each in wanted:
         found = np.empty(labels.shape, dtype=np.int32)
-        n_found = count_pieces(labels == each, found, is_by_corner=True)
+        n_found = count_pieces(np.isin(labels, each), found, is_by_corner=True)
         pieces[found > 0] = found[found > 0] + n
         n += n_found
     return pieces, np.bincount(pieces.ravel(), minlength=n + 1)

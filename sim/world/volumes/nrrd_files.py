@@ -5,6 +5,7 @@ from __future__ import annotations
 import bz2
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -16,13 +17,16 @@ from numpy.typing import NDArray
 from sim.world.text import decoded
 
 from .grid import METRES_PER_UNIT, Grid
-from .label_names import segment_names
+from .nrrd_segments import Segment, in_parts, layers_of, segments_of
 
 CHUNK_BYTES = 1 << 20
 """Packed bytes that are read at once."""
 
 MOST_HEADER_BYTES = 16 << 20
 """No header is longer: thousands of segments take some hundred bytes each."""
+
+MOST_TOLD = 12
+"""Segments that a notice names."""
 
 LPS_SIGNS = {
     "left-posterior-superior": (1, 1, 1),
@@ -53,14 +57,65 @@ def read_nrrd(path: Path) -> Grid:
         raise ValueError(f"{len(shape)} sizes are given for {header['dimension']} dimensions")
     T, notices = _affine(header, len(shape))
     n_bytes = int(np.prod([max(n, 0) for n in shape], dtype=object)) * dtype.itemsize
-    return Grid(
+    segments, layer_axis = segments_of(header), _layer_axis(header, shape)
+    grid = Grid(
         shape=shape,
         dtype=dtype,
         T_lps_voxel=T,
         layers=lambda n: _parts(np.frombuffer(_payload(path, header, start, n_bytes), dtype), shape, n),
         notices=notices,
-        label_names=segment_names(header),
+        label_names={each.value: each.name for each in segments if each.name},
         is_compressed=str(header["encoding"]).lower() not in ("raw",),
+    )
+    if layer_axis is None:
+        return grid
+    return _layered(grid, segments, layer_axis) if segments else _without_axis(grid, layer_axis)
+
+
+def _layer_axis(header: dict[str, Any], shape: tuple[int, ...]) -> int | None:
+    """The axis of a file of four along which layers follow each other; None where there is none."""
+    if len(shape) != 4:
+        return None
+    kinds = [str(kind).lower() for kind in header.get("kinds") or ()]
+    rows = header.get("space directions")
+    for axis in range(4):
+        is_none = rows is not None and (rows[axis] is None or not np.isfinite(rows[axis]).all())
+        if is_none or (len(kinds) == 4 and kinds[axis] in ("list", "vector", "none", "???")):
+            return axis
+    return None
+
+
+def _without_axis(grid: Grid, axis: int) -> Grid:
+    """The grid without an axis of a single entry; as it was, if it has more."""
+    if grid.shape[axis] != 1:
+        return grid
+    space, read_all = tuple(n for each, n in enumerate(grid.shape) if each != axis), grid.layers
+    return replace(grid, shape=space, layers=lambda n: _parts(next(read_all(0)), space, n))
+
+
+def _layered(grid: Grid, segments: list[Segment], layer_axis: int) -> Grid:
+    """The grid of a file whose segments lie on layers, in which each voxel has one number."""
+    layers = layers_of(segments, grid.shape[layer_axis])
+    space = tuple(n for axis, n in enumerate(grid.shape) if axis != layer_axis)
+    read_all = grid.layers
+
+    def combined(thickness: int) -> Iterator[NDArray[Any]]:
+        whole = next(read_all(0)).reshape(grid.shape, order="F")
+        return in_parts(whole, layers, thickness, layer_axis)
+
+    if layers.is_renumbered:
+        told = ", ".join(f"{label} {name!r}" for label, name in list(layers.names.items())[:MOST_TOLD])
+        grid.notices.append(
+            f"its segments lie on {grid.shape[layer_axis]} layers and are numbered anew: {told}"
+        )
+    return replace(
+        grid,
+        shape=space,
+        dtype=np.dtype(np.uint16),
+        bytes_per_voxel=grid.dtype.itemsize * grid.shape[layer_axis],
+        layers=combined,
+        label_names=layers.names,
+        overlaps=layers.overlaps,
     )
 
 
@@ -129,7 +184,10 @@ def _first_voxel(header: dict[str, Any], spacings: NDArray[np.float64]) -> NDArr
 
 
 def _parts(values: NDArray[Any], shape: tuple[int, ...], n: int) -> Iterator[NDArray[Any]]:
-    """Voxels that are in memory, in parts of `n` layers."""
+    """Voxels that are in memory, in parts of `n` layers; all of them in a row for 0."""
+    if n == 0:
+        yield values
+        return
     whole = values.reshape(tuple(size for axis, size in enumerate(shape) if axis < 3 or size != 1), order="F")
     for first in range(0, whole.shape[2], n):
         yield whole[:, :, first : first + n]

@@ -34,7 +34,8 @@ class Options:
     arm: str = "default"
     """default (the embedded 7-joint arm), ur5e (with the extra `arms`), or the path of any MJCF arm."""
     flange: str | None = None
-    """Site of the arm that carries the probe; by default the first of flange and attachment_site that it has."""
+    """Site or body of the arm that carries the probe, +z out of it; by default the site flange or attachment_site, or
+    the body tool0 or flange."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0

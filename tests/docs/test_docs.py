@@ -109,9 +109,10 @@ def test_every_field_of_a_scenario_is_on_its_page() -> None:
 @pytest.mark.parametrize(("page", "text"), files("xml"), ids=lambda each: each[:20])
 def test_every_arm_can_be_used(page: str, text: str, tmp_path) -> None:
     (tmp_path / "arm.xml").write_text(text)
-    spec, home = ArmModel(path=tmp_path / "arm.xml").load()
-    assert spec.compile().nq == len(home) >= 5  # three for the tip's place, two for its beam
-    assert isinstance(spec, mujoco.MjSpec)
+    arm = ArmModel(path=tmp_path / "arm.xml").load()
+    assert arm.spec.compile().nq == len(arm.home_q) >= 5  # three for the tip's place, two for its beam
+    assert isinstance(arm.spec, mujoco.MjSpec)
+    assert arm.notices == ()
 
 
 def test_the_python_of_every_page_runs() -> None:

@@ -31,10 +31,11 @@ TIP_POINTS_PER_KNOT = 4
 N_CHECKED_TIMES = 400
 """Times of a motion at which it is seen whether it is enough."""
 HELD_DT_S = 0.005
-"""Times between which no joint and no tip does anything new [s]: limits are held at these."""
-TIP_SLACK = 3e-4
-"""The two ways to reckon the tip's speed differ by up to this share where the motion is within its limits: at 250 mm/s
-by less than 0.1 mm/s."""
+"""Control points of a motion that is held within the joints' limits are this far apart [s]."""
+TIP_DT_S = 0.002
+"""The tip's speed is looked at this often [s]: at a sharp turn of the path it peaks for some milliseconds."""
+TIP_SLACK_M_S = 5e-5
+"""The tip may be faster by this between the times at which the way that toppra holds is looked at [m/s]."""
 BEYOND = 1e-9
 """A joint this far beyond a limit is there by rounding [rad or m]."""
 STILL = 1e-7
@@ -156,12 +157,13 @@ class PathTimer:
         by_speed = speed / np.append(self._limits.speed, tip_speed_m_s)
         by_acceleration = np.sqrt(acceleration[:-1] / self._limits.acceleration)
         slowing = float(max(1.0, by_speed.max(), by_acceleration.max()))
-        by_tip = self._tip_speed_m_s(followed, duration_s) / tip_speed_m_s
-        return by_tip if by_tip > slowing * (1.0 + TIP_SLACK) else slowing
+        fastest_m_s = self._tip_speed_m_s(followed, duration_s)
+        is_too_fast = fastest_m_s > slowing * (tip_speed_m_s + TIP_SLACK_M_S)
+        return fastest_m_s / tip_speed_m_s if is_too_fast else slowing
 
     def _tip_speed_m_s(self, followed: Followed, duration_s: float) -> float:
-        """The largest speed of the tip by the joints' speeds; the way that toppra holds is a spline, and not quite so."""
-        time_s = np.linspace(0.0, duration_s, max(N_CHECKED_TIMES, int(np.ceil(duration_s / HELD_DT_S)) + 1))
+        """The largest speed of the tip by the joints' speeds: the way that toppra holds is a spline, and not exact."""
+        time_s = np.linspace(0.0, duration_s, max(N_CHECKED_TIMES, int(np.ceil(duration_s / TIP_DT_S)) + 1))
         velocity = self._chain.jacobian(self._chain.forward(followed(time_s, 0)[:, :-1]))[:, :3]
         rate = followed(time_s, 1)[:, :-1]
         return float(np.linalg.norm(np.einsum("tij,tj->ti", velocity, rate), axis=1).max())

@@ -34,8 +34,8 @@ HELD_DT_S = 0.005
 """Control points of a motion that is held within the joints' limits are this far apart [s]."""
 TIP_DT_S = 0.002
 """The tip's speed is looked at this often [s]: at a sharp turn of the path it peaks for some milliseconds."""
-TIP_SLACK_M_S = 5e-5
-"""The tip may be faster by this between the times at which the way that toppra holds is looked at [m/s]."""
+TIP_SLACK = 1e-3
+"""Share by which the tip may be faster for some milliseconds, between the times at which toppra's motion is looked at."""
 BEYOND = 1e-9
 """A joint this far beyond a limit is there by rounding [rad or m]."""
 STILL = 1e-7
@@ -157,9 +157,8 @@ class PathTimer:
         by_speed = speed / np.append(self._limits.speed, tip_speed_m_s)
         by_acceleration = np.sqrt(acceleration[:-1] / self._limits.acceleration)
         slowing = float(max(1.0, by_speed.max(), by_acceleration.max()))
-        fastest_m_s = self._tip_speed_m_s(followed, duration_s)
-        is_too_fast = fastest_m_s > slowing * (tip_speed_m_s + TIP_SLACK_M_S)
-        return fastest_m_s / tip_speed_m_s if is_too_fast else slowing
+        by_tip = self._tip_speed_m_s(followed, duration_s) / tip_speed_m_s
+        return by_tip if by_tip > slowing * (1.0 + TIP_SLACK) else slowing
 
     def _tip_speed_m_s(self, followed: Followed, duration_s: float) -> float:
         """The largest speed of the tip by the joints' speeds: the way that toppra holds is a spline, and not exact."""

@@ -99,8 +99,8 @@ def test_no_limit_is_passed_on_any_path_between_configurations(
     assert beyond(chain, motion.q) <= 1e-9
     dt_s = np.diff(motion.time_s)[:, None]
     tips_m = chain.forward(motion.q).tips_m
-    # What is let pass between looks, 0.05 mm/s, and as much for the peaks between them.
-    assert np.linalg.norm(np.diff(tips_m, axis=0) / dt_s, axis=1).max() <= tip_m_s + 1e-4
+    # What is let pass for some milliseconds, 0.1 %, and half as much for the peaks between two looks.
+    assert np.linalg.norm(np.diff(tips_m, axis=0) / dt_s, axis=1).max() <= tip_m_s * 1.0015
     speed = np.diff(motion.q, axis=0) / dt_s
     assert (np.abs(speed) <= limits.speed * 1.002).all()
     data, jacobian = scene.new_data(), np.zeros((3, scene.model.nv))
@@ -110,4 +110,4 @@ def test_no_limit_is_passed_on_any_path_between_configurations(
         mujoco.mj_kinematics(scene.model, data)
         mujoco.mj_comPos(scene.model, data)
         mujoco.mj_jacSite(scene.model, data, jacobian, None, tip)
-        assert np.linalg.norm(jacobian @ motion.speed[row]) <= tip_m_s + 1e-4
+        assert np.linalg.norm(jacobian @ motion.speed[row]) <= tip_m_s * 1.0015

@@ -34,7 +34,8 @@ class Options:
     arm: str = "default"
     """Arm: default (the embedded one with 7 joints), ur5e (with the extra `arms`), or the path of an MJCF file."""
     flange: str | None = None
-    """Site of the arm that carries the probe; by default flange or, where the arm has none, attachment_site."""
+    """Site or body of the arm that carries the probe, +z out of it; by default the site flange or attachment_site, or
+    the body tool0 or flange."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0

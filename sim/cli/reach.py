@@ -51,8 +51,8 @@ class Options:
     """Arm: default (the embedded one with 7 joints), ur5e (with the extra `arms`), or the path of an MJCF file; several
     arms are compared."""
     flange: tuple[str, ...] = ()
-    """Site of the arm that carries the probe, one for all arms or one for each; by default flange or, where an arm has
-    none, attachment_site."""
+    """Site or body of the arm that carries the probe, +z out of it, one for all arms or one for each; by default the
+    site flange or attachment_site, or the body tool0 or flange."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0

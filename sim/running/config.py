@@ -118,7 +118,8 @@ class MountingConfig:
     """How the arm is mounted."""
 
     flange: str | None = None
-    """Site of the arm that carries the probe; by default flange or, where the arm has none, attachment_site."""
+    """Site or body of the arm that carries the probe, +z out of it; by default the site flange or attachment_site, or
+    the body tool0 or flange."""
     base_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0

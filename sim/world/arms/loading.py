@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from .bystanders import leave_out_bystanders
 from .checks import why_unusable
 from .errors import ArmError
+from .flange import find_flange
 from .home import Keyframe, home_positions, take_keyframes, usable, within_limits
 from .mujoco_messages import caught_warnings
 from .reading import compiled, read_spec
 
-FLANGES = ("flange", "attachment_site")
-"""Names under which robot models keep the site that carries a tool; the first one found is used."""
 USUAL_TIMESTEP_S, LEAST_TIMESTEP_S, MOST_TIMESTEP_S = 0.002, 1e-4, 0.01
 """Servos are simulated in the file's time steps, if these are neither so short that nothing gets done nor so long that
 the arm becomes unstable."""
@@ -44,21 +43,21 @@ def load_arm(path: Path, flange: str | None = None) -> LoadedArm:
 
     Args:
         path: An MJCF or URDF file.
-        flange: The site that carries the probe; None for the first of `FLANGES` that there is.
+        flange: The site or body that carries the probe; None for the usual one, see `find_flange`.
 
     Raises:
         ArmError: The file is missing or broken, or holds no arm that can be used.
     """
     with caught_warnings() as said, _told_with_errors(said):
         spec, keyframes, model = _read(path)
-        site = _flange_site(spec, path, flange)
+        site, called = find_flange(spec, path, flange)
         good, remarks = usable(keyframes, model)
         home = home_positions(model, good)
         remarks += leave_out_bystanders(spec, site.parent)
         _drop_switched_off(spec, model)
         remarks += _mend_timestep(spec)
         model = compiled(spec, path)
-        if why := why_unusable(model, int(model.site(site.name).bodyid[0]), f"the site {site.name}"):
+        if why := why_unusable(model, int(model.site(site.name).bodyid[0]), called):
             raise ArmError(f"{path}: {why}")
         home_q, beyond = within_limits(model, home)
         # Its dynamics are looked at once: masses that cannot be simulated with are told here and not later.
@@ -88,6 +87,7 @@ def _read(path: Path) -> tuple[mujoco.MjSpec, list[Keyframe], mujoco.MjModel]:
     Links that no joint moves keep their names, which fusing, usual for URDF, would take from them; files that MuJoCo
     loads only fused are fused.
     """
+    errors: list[ArmError] = []
     for may_fuse in (False, True):
         spec = read_spec(path)
         keyframes = take_keyframes(spec)
@@ -96,10 +96,11 @@ def _read(path: Path) -> tuple[mujoco.MjSpec, list[Keyframe], mujoco.MjModel]:
         spec.compiler.fusestatic = is_fused and may_fuse
         try:
             return spec, keyframes, compiled(spec, path)
-        except ArmError:
-            if may_fuse or not is_fused:
-                raise
-    raise AssertionError("the second pass returns or raises")
+        except ArmError as error:
+            errors.append(error)
+            if not is_fused:
+                break
+    raise errors[0]
 
 
 def _give_names(spec: mujoco.MjSpec) -> None:
@@ -113,23 +114,6 @@ def _give_names(spec: mujoco.MjSpec) -> None:
                     name += "_"
                 element.name = name
                 taken.add(name)
-
-
-def _flange_site(spec: mujoco.MjSpec, path: Path, flange: str | None) -> mujoco.MjsSite:
-    """The site that carries the probe.
-
-    Raises:
-        ArmError: There is no such site.
-    """
-    sites = {site.name: site for site in spec.sites if site.name}
-    wanted = FLANGES if flange is None else (flange,)
-    for name in wanted:
-        if name in sites:
-            return sites[name]
-    raise ArmError(
-        f"{path}: no site named {' or '.join(map(repr, wanted))} to carry the probe "
-        f"(sites: {', '.join(sites) or 'none'}). Name one with `flange`, or add a <site> to the last link."
-    )
 
 
 def _drop_switched_off(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

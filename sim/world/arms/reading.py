@@ -11,6 +11,8 @@ from .mujoco_messages import MUJOCO_ERRORS, whole_message
 
 SUFFIXES = (".xml", ".urdf")
 """How the names of an arm's files end."""
+MISSING = "Error opening file"
+"""What MuJoCo says of a mesh, or of a file that is included, where there is none."""
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:
@@ -54,4 +56,8 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 def _refused(path: Path, error: Exception) -> ArmError:
-    return ArmError(f"{path}: MuJoCo cannot compile this arm: {whole_message(error)}.")
+    said = whole_message(error)
+    remedy = (
+        " Put it there, or name its folder as meshdir in the file's <compiler>." if MISSING in said else ""
+    )
+    return ArmError(f"{path}: MuJoCo cannot compile this arm: {said}.{remedy}")

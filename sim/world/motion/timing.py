@@ -6,11 +6,12 @@ Pham and Pham, A new approach to time-optimal path parameterization based on rea
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from sim.world.errors import WorldError
 from sim.world.ik.chain import Array, Chain
@@ -20,7 +21,6 @@ from .joint_limits import JointLimits
 if TYPE_CHECKING:
     # toppra imports pyplot, which is slow to load, and only arms that move need it.
     from toppra.constraint import Constraint
-    from toppra.interpolator import AbstractGeometricPath
 
 MIN_GRID_POINTS, GRID_POINTS_PER_KNOT = 36, 2
 """Points of a path at which toppra holds the limits; between them it exceeds them a little."""
@@ -30,10 +30,21 @@ TIP_POINTS_PER_KNOT = 4
 """Chords between two knots that measure the way of the tip."""
 N_CHECKED_TIMES = 400
 """Times of a motion at which it is seen whether it is enough."""
+HELD_DT_S = 0.005
+"""Control points of a motion that is held within the joints' limits are this far apart [s]."""
+TIP_DT_S = 0.002
+"""The tip's speed is looked at this often [s]: at a sharp turn of the path it peaks for some milliseconds."""
+TIP_SLACK = 1e-3
+"""Share by which the tip may be faster for some milliseconds, between the times at which the motion is looked at."""
+BEYOND = 1e-9
+"""A joint this far beyond a limit is there by rounding [rad or m]."""
 STILL = 1e-7
 """A path shorter than this, the largest turn of a joint [rad or m], takes no time."""
 TIP_ACCELERATION_M_S2 = 1e3
 """So large that the tip's acceleration is bounded only by the joints'."""
+
+Followed = Callable[[Array, int], Array]
+"""Configurations and the way of the tip at some times, shape (T, n + 1), or their derivatives of an order."""
 
 logging.getLogger("toppra").setLevel(logging.ERROR)
 
@@ -97,10 +108,12 @@ class PathTimer:
             raise TimingError(
                 "toppra found no motion along a path within the joints' limits; raise the limits."
             )
-        slowing = self._slowing(timed, tip_speed_m_s)
-        duration_s = slowing * float(timed.path_interval[1])
+        fastest_s = float(timed.path_interval[1])
+        followed = self._within_limits(timed, fastest_s)
+        slowing = self._slowing(followed, fastest_s, tip_speed_m_s)
+        duration_s = slowing * fastest_s
         time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / dt_s)) + 1)
-        q, rate = timed(time_s / slowing)[:, :-1], timed(time_s / slowing, 1)[:, :-1]
+        q, rate = followed(time_s / slowing, 0)[:, :-1], followed(time_s / slowing, 1)[:, :-1]
         return Trajectory(time_s, q, rate / slowing)
 
     def _constraints(self, tip_speed_m_s: float) -> list[Constraint]:
@@ -116,10 +129,40 @@ class PathTimer:
             ]
         return self._kept[tip_speed_m_s]
 
-    def _slowing(self, timed: AbstractGeometricPath, tip_speed_m_s: float) -> float:
+    def _within_limits(self, timed: Followed, duration_s: float) -> Followed:
+        """The motion itself where it keeps the joints' limits, or one that does.
+
+        A spline swings beyond its points where they turn sharply, by some tenths of a milliradian. Where that takes a
+        joint beyond a limit, the control points of the joint's curve are brought back to the limit: a B-spline stays
+        between its least and its greatest control point. They lie close, so that this changes the motion by hardly
+        more than what it was beyond.
+        """
+        time_s = np.linspace(0.0, duration_s, max(4, int(np.ceil(duration_s / HELD_DT_S)) + 1))
+        points, low, high = timed(time_s, 0), self._chain.low, self._chain.high
+        beyond = np.maximum(low - points[:, :-1], points[:, :-1] - high).max(axis=0)
+        joints = np.flatnonzero(beyond > BEYOND)
+        if not len(joints):
+            return timed
+        # At rest at both ends: the first derivative is zero there.
+        spline = make_interp_spline(time_s, points, k=3, bc_type="clamped")
+        controls = spline.c.copy()
+        controls[:, joints] = np.clip(controls[:, joints], low[joints], high[joints])
+        held = BSpline(spline.t, controls, 3)
+        return lambda at_s, order: held(at_s, nu=order)
+
+    def _slowing(self, followed: Followed, duration_s: float, tip_speed_m_s: float) -> float:
         """The least factor, 1 or more, by which the motion is slowed down to hold all limits between grid points."""
-        time_s = np.linspace(0.0, float(timed.path_interval[1]), N_CHECKED_TIMES)
-        speed, acceleration = np.abs(timed(time_s, 1)).max(axis=0), np.abs(timed(time_s, 2)).max(axis=0)
+        time_s = np.linspace(0.0, duration_s, N_CHECKED_TIMES)
+        speed, acceleration = np.abs(followed(time_s, 1)).max(axis=0), np.abs(followed(time_s, 2)).max(axis=0)
         by_speed = speed / np.append(self._limits.speed, tip_speed_m_s)
         by_acceleration = np.sqrt(acceleration[:-1] / self._limits.acceleration)
-        return float(max(1.0, by_speed.max(), by_acceleration.max()))
+        slowing = float(max(1.0, by_speed.max(), by_acceleration.max()))
+        by_tip = self._tip_speed_m_s(followed, duration_s) / tip_speed_m_s
+        return by_tip if by_tip > slowing * (1.0 + TIP_SLACK) else slowing
+
+    def _tip_speed_m_s(self, followed: Followed, duration_s: float) -> float:
+        """The largest speed of the tip by the joints' speeds: the way that toppra holds is a spline, and not exact."""
+        time_s = np.linspace(0.0, duration_s, max(N_CHECKED_TIMES, int(np.ceil(duration_s / TIP_DT_S)) + 1))
+        velocity = self._chain.jacobian(self._chain.forward(followed(time_s, 0)[:, :-1]))[:, :3]
+        rate = followed(time_s, 1)[:, :-1]
+        return float(np.linalg.norm(np.einsum("tij,tj->ti", velocity, rate), axis=1).max())

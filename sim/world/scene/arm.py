@@ -26,8 +26,8 @@ class ArmModel:
     path: Path = MODELS_DIR / "arm.xml"
     """MJCF or URDF file of the arm."""
     flange: str | None = None
-    """Site at the end of the chain; the probe is attached there, its +z along the site's +z. By default the first of
-    `FLANGES` that the arm has."""
+    """Site or body at the end of the chain; the probe is attached there, its +z along the +z of its frame. By default
+    the first of `FLANGE_SITES` and `FLANGE_BODIES` that the arm has."""
     base_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the file's origin stands in the world [m]."""
     base_yaw_rad: float = 0.0

@@ -30,6 +30,8 @@ FAR_M = 0.1
 """Distances beyond this are not measured further when many states are looked at."""
 PROBE_FAR_M = 0.003
 """The same for the probe, whose work is near the organ."""
+LEAST_SIZE_M = 1e-9
+"""An ellipsoid thinner than this is taken for as thin as this [m]."""
 LEAST_SPACING_M = 0.0005
 """Spheres along a capsule are no nearer to each other than this [m]."""
 MAX_POINTS = 1_000_000
@@ -251,7 +253,7 @@ def _contains(kind: int, size: NDArray[np.float64], points_m: NDArray[np.float64
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return np.all(np.abs(points_m) <= size, axis=1)
     if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        return np.linalg.norm(points_m / size, axis=1) <= 1.0
+        return np.linalg.norm(points_m / np.maximum(size, LEAST_SIZE_M), axis=1) <= 1.0
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return (np.hypot(points_m[:, 0], points_m[:, 1]) <= size[0]) & (np.abs(points_m[:, 2]) <= size[1])
     half_m = size[1] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0

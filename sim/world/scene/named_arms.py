@@ -19,11 +19,11 @@ def named_arm(
     base_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     base_yaw_rad: float = 0.0,
 ) -> ArmModel:
-    """The arm of a name: one of `NAMED_ARMS`, or else the path of an MJCF file.
+    """The arm of a name: one of `NAMED_ARMS`, or else the path of an MJCF or URDF file.
 
     Args:
         arm: Name or path.
-        flange: Site that carries the probe; None for the usual names.
+        flange: Site or body that carries the probe; None for the usual names.
         base_m: Where the base stands in the world [m].
         base_yaw_rad: How it is turned about the vertical [rad].
 

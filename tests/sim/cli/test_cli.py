@@ -205,7 +205,7 @@ def meshes(tmp_path_factory) -> Path:
         (["--cone-half-angle-deg", "95"], "95 degrees"),
         (["--prior-prevalence", "1.5"], "1.5"),
         (["--arm", "{m}/no_arm.xml"], "no_arm.xml: no such arm file"),
-        (["--arm", "default", "--flange", "hand"], "no site named 'hand'.*flange"),
+        (["--arm", "default", "--flange", "hand"], "no site or body named 'hand'.*flange"),
     ],
 )
 def test_bad_input_is_one_clear_line_and_nothing_is_written(

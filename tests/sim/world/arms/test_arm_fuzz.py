@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, note, settings
+from hypothesis import strategies as st
 from odd_arms import BESIDE_FILE, odd_arms
 
 from sim.world.errors import WorldError
@@ -23,6 +24,7 @@ from sim.world.scene.clearance import Clearance
 from sim.world.scene.scene import build_scene
 
 QUICK, MANY = 100, 4000
+FLANGES = (None, None, None, None, "flange", "b1", "finger2", "world")
 POSES_M = np.array([[0.5, 0.0, 0.12], [0.47, 0.03, 0.11], [0.5, -0.06, 0.06]])
 NORMALS = np.array([[0.0, 0.0, -1.0], [0.4, -0.4, -np.sqrt(0.68)], [0.0, 1.0, 0.0]])
 CHUNK_M = np.array([0.5, 0.0, 0.14]) + np.random.default_rng(0).normal(0.0, 0.02, (12, 3))
@@ -59,12 +61,12 @@ def outcome_of(said: str, folder: Path) -> str:
     return " ".join(words[:6])
 
 
-def becomes(text: str, folder: Path, anatomy, cone, distance) -> str:
+def becomes(text: str, flange: str | None, folder: Path, anatomy, cone, distance) -> str:
     """What becomes of an arm: how it was refused, or whether poses were reached."""
     (folder / "arm.xml").write_text(text, encoding="utf-8")
     (folder / "beside.xml").write_text(BESIDE_FILE, encoding="utf-8")
     try:
-        scene = build_scene(anatomy, cone, arm=ArmModel(path=folder / "arm.xml"))
+        scene = build_scene(anatomy, cone, arm=ArmModel(path=folder / "arm.xml", flange=flange))
         check_base_room(scene, distance)
     except WorldError as error:
         said = str(error)
@@ -100,11 +102,11 @@ def fuzz(monkeypatch, tmp_path, ball_anatomy, cone, ball_distance):
             derandomize=derandomize,
             suppress_health_check=list(HealthCheck),
         )
-        @given(odd_arms())
-        def each(text: str) -> None:
+        @given(odd_arms(), st.sampled_from(FLANGES))
+        def each(text: str, flange: str | None) -> None:
             note(text)
             with silence():
-                outcome = becomes(text, tmp_path, ball_anatomy, cone, ball_distance)
+                outcome = becomes(text, flange, tmp_path, ball_anatomy, cone, ball_distance)
             counts[outcome] += 1
 
         each()

@@ -97,7 +97,7 @@ def test_a_keyframe_named_home_is_home(tmp_path) -> None:
     [
         (
             TWO_JOINTS.format(extra="").replace('name="end"', 'name="tool"'),
-            "no site named 'flange'.*tool.*`flange`",
+            "no site or body named 'flange'.*tool.*`flange`",
         ),
         ("<mujoco><worldbody><geom size='1'/><site name='flange'/></worldbody></mujoco>", "no joints"),
         (

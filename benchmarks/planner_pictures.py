@@ -24,6 +24,8 @@ from sim.running.fields import config_of
 from sim.running.parts import make_parts
 
 _MM_PER_M = 1e3
+_COLUMNS = 3
+"""Panels beside each other."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +72,7 @@ def draw(axes: Axes, name: str, episode: Episode, steps: list[Step]) -> None:
     frame_outline(axes, workspace.positions_m)
     is_done = (steps[-1].sensed_fraction or 0.0) >= 0.95
     axes.set_title(
-        f"{name}: {len(steps)} sensings" + ("" if is_done else ", not done"), fontsize=10, loc="left"
+        f"{name}: {len(steps)} sensings" + ("" if is_done else ", not done"), fontsize=9, loc="left"
     )
 
 
@@ -87,11 +89,13 @@ def frame_outline(axes: Axes, positions_m: NDArray[np.float64]) -> None:
 
 def main(options: Options) -> None:
     """Draw a panel per planner and write the picture."""
-    figure = Figure(figsize=(9.0, 9.6), dpi=110, layout="constrained")
+    names = planner_names()
+    n_rows = -(-len(names) // _COLUMNS)
+    figure = Figure(figsize=(4.0 * _COLUMNS, 4.3 * n_rows), dpi=90, layout="constrained")
     FigureCanvasAgg(figure)
     with threadpool_limits(1):
-        for place, name in enumerate(planner_names(), start=1):
-            draw(figure.add_subplot(2, 2, place), name, *play(options, name))
+        for place, name in enumerate(names, start=1):
+            draw(figure.add_subplot(n_rows, _COLUMNS, place), name, *play(options, name))
     figure.suptitle(
         f"{options.scenario}, seed {options.seed}, from above: the cones halfway down in order, vermilion where the "
         "reading held tumour; the tumour in grey",

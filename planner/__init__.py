@@ -3,7 +3,22 @@
 A planner ranks the workspace's poses, given a `Situation`; `Planner` is what one of one's own derives from.
 """
 
-from .acquisition import expected_improvement, log_expected_improvement, probability_variance
+from .acquisition import (
+    expected_improvement,
+    log_expected_improvement,
+    log_probability_of_improvement,
+    mutual_information,
+    probability_variance,
+    upper_confidence_bound,
+)
+from .baselines import (
+    ExpectedVolume,
+    GreedyCoverage,
+    MutualInformation,
+    ProbabilityOfImprovement,
+    ThompsonSampling,
+    UpperConfidenceBound,
+)
 from .cone import Cone
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
@@ -19,20 +34,29 @@ from .workspace import Workspace
 __all__ = [
     "Cone",
     "ExpectedImprovement",
+    "ExpectedVolume",
     "FindAndOutline",
+    "GreedyCoverage",
     "MultiResolution",
+    "MutualInformation",
     "Planner",
     "PlannerError",
+    "ProbabilityOfImprovement",
     "RandomOrder",
     "Situation",
+    "ThompsonSampling",
+    "UpperConfidenceBound",
     "Workspace",
     "expected_improvement",
     "log_expected_improvement",
+    "log_probability_of_improvement",
     "make_planner",
+    "mutual_information",
     "planner_class",
     "planner_names",
     "probability_variance",
     "scattered_poses",
+    "upper_confidence_bound",
     "visibility",
     "visible_points",
 ]

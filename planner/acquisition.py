@@ -1,14 +1,18 @@
 """Acquisition functions: how promising a value is, given its mean and variance.
 
 Expected improvement is eq. 2 of Cho, Hermans and Kuntz (2021), after Jones, Schonlau and Welch (1998). Its logarithm
-follows Ament et al., "Unexpected improvements to expected improvement for Bayesian optimization" (2023), eq. 9.
+follows Ament et al., "Unexpected improvements to expected improvement for Bayesian optimization" (2023), eq. 9. The
+probability of improvement is Kushner's (1964), the upper confidence bound that of Srinivas et al. (2010), and the
+mutual information that of Houlsby et al., "Bayesian active learning for classification and preference learning"
+(2011), eq. 2.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import erfcx, expit, ndtr
+from scipy.special import entr, erfcx, expit, log_ndtr, ndtr
 
 from .errors import PlannerError
 
@@ -72,6 +76,50 @@ def log_expected_improvement(
     return np.log(deviation) + _log_standard_improvement(improvement / deviation)
 
 
+def log_probability_of_improvement(
+    mean: ArrayLike, variance: ArrayLike, *, incumbent: float, xi: float = 0.01
+) -> NDArray[np.float64]:
+    """The natural logarithm of the probability that normal values exceed the incumbent, log Phi(z), shape (M,).
+
+    The z is that of `expected_improvement`. The logarithm has the same argmax and does not underflow.
+
+    Args:
+        mean: Means mu, shape (M,).
+        variance: Variances sigma^2, shape (M,); one below VARIANCE_FLOOR counts as that.
+        incumbent: The best value so far, f+.
+        xi: Margin by which the incumbent has to be exceeded.
+
+    Raises:
+        PlannerError: If an input is not finite.
+    """
+    improvement, deviation = _improvement_and_deviation(mean, variance, incumbent, xi)
+    return log_ndtr(improvement / deviation)
+
+
+def upper_confidence_bound(mean: ArrayLike, variance: ArrayLike, *, beta: float) -> NDArray[np.float64]:
+    """The upper confidence bound mu + beta sigma of normal values, in the values' unit, shape (M,).
+
+    Args:
+        mean: Means mu, shape (M,).
+        variance: Variances sigma^2, shape (M,).
+        beta: How many deviations above the mean the bound lies, 0 or above.
+    """
+    return np.asarray(mean, dtype=np.float64) + beta * np.sqrt(np.maximum(variance, 0.0))
+
+
+def mutual_information(latent_mean: ArrayLike, latent_variance: ArrayLike) -> NDArray[np.float64]:
+    """The information [nat] that a label y of chance sigma(f) gives about a normal latent f, by quadrature, shape (M,).
+
+        I(y; f) = H(E[sigma(f)]) - E[H(sigma(f))],   H(p) = -p log p - (1 - p) log(1 - p)
+
+    Args:
+        latent_mean: Latent means, shape (M,).
+        latent_variance: Latent variances, shape (M,).
+    """
+    mean_probability, mean_entropy = _expectations(latent_mean, latent_variance, expit, _entropy_of_logit)
+    return np.maximum(_entropy(mean_probability) - mean_entropy, 0.0)
+
+
 def probability_variance(latent_mean: ArrayLike, latent_variance: ArrayLike) -> NDArray[np.float64]:
     """The variance of the probability sigma(f) of a normal latent f, by quadrature, shape (M,).
 
@@ -79,17 +127,35 @@ def probability_variance(latent_mean: ArrayLike, latent_variance: ArrayLike) -> 
         latent_mean: Latent means, shape (M,).
         latent_variance: Latent variances, shape (M,).
     """
+    first, second = _expectations(latent_mean, latent_variance, expit, lambda latent: expit(latent) ** 2)
+    return np.maximum(second - first**2, 0.0)
+
+
+def _expectations(
+    latent_mean: ArrayLike,
+    latent_variance: ArrayLike,
+    *functions: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+) -> list[NDArray[np.float64]]:
+    """The expectation of each function of a normal latent, by the trapezoidal rule, each of shape (M,)."""
     mean = np.asarray(latent_mean, dtype=np.float64)
     deviation = np.sqrt(np.maximum(np.asarray(latent_variance, dtype=np.float64), VARIANCE_FLOOR))
     nodes = np.linspace(-6.0, 6.0, N_QUADRATURE_NODES)
     weights = np.exp(-0.5 * nodes**2)
     weights /= weights.sum()
-    first, second = np.zeros_like(mean), np.zeros_like(mean)
+    totals = [np.zeros_like(mean) for _ in functions]
     for node, weight in zip(nodes, weights, strict=True):
-        probability = expit(mean + node * deviation)
-        first += weight * probability
-        second += weight * probability**2
-    return np.maximum(second - first**2, 0.0)
+        latent = mean + node * deviation
+        for total, function in zip(totals, functions, strict=True):
+            total += weight * function(latent)
+    return totals
+
+
+def _entropy(probability: NDArray[np.float64]) -> NDArray[np.float64]:
+    return entr(probability) + entr(1.0 - probability)
+
+
+def _entropy_of_logit(latent: NDArray[np.float64]) -> NDArray[np.float64]:
+    return _entropy(expit(latent))
 
 
 def _improvement_and_deviation(

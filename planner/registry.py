@@ -3,6 +3,14 @@
 from dataclasses import fields
 from typing import Any
 
+from .baselines import (
+    ExpectedVolume,
+    GreedyCoverage,
+    MutualInformation,
+    ProbabilityOfImprovement,
+    ThompsonSampling,
+    UpperConfidenceBound,
+)
 from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
 from .find_and_outline.planner import FindAndOutline
@@ -15,6 +23,12 @@ _PLANNERS: dict[str, type[Any]] = {
     "find-and-outline": FindAndOutline,
     "random": RandomOrder,
     "multi-resolution": MultiResolution,
+    "upper-confidence-bound": UpperConfidenceBound,
+    "probability-of-improvement": ProbabilityOfImprovement,
+    "thompson-sampling": ThompsonSampling,
+    "mutual-information": MutualInformation,
+    "expected-volume": ExpectedVolume,
+    "greedy-coverage": GreedyCoverage,
 }
 
 

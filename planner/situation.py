@@ -47,6 +47,8 @@ class Situation:
     not reach; None where nobody can say, as before the first action."""
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s]."""
+    draw_map: Callable[[np.random.Generator], NDArray[np.float64]] | None = None
+    """Draws the latent at all search points jointly from the belief, shape (M,); None where the map cannot."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 
@@ -77,6 +79,21 @@ class Situation:
         object.__setattr__(self, "skipped", frozenset(self.skipped))
         self._check_indices("sensed", self.sensed)
         self._check_indices("skipped", self.skipped)
+
+    def belief(self, planner: str) -> Prediction:
+        """The belief at the search points.
+
+        Args:
+            planner: What needs it, for the error.
+
+        Raises:
+            PlannerError: If there is none.
+        """
+        if self.prediction is None:
+            raise PlannerError(
+                f"{planner} needs the map's prediction at the search points, but there is none"
+            )
+        return self.prediction
 
     def available(self, *, exclude_sensed: bool) -> NDArray[np.bool_]:
         """Which poses may be proposed, shape (N,): all but those that the arm failed to reach.

@@ -39,6 +39,7 @@ ROOMS = (
 """Every room, the lowest first: a room imports from itself and from those before it."""
 WITHIN = {
     "mapping.belief": "mapping",
+    "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",
 }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.spatial import KDTree
 
-from .keyed_array import KeyedArray
+from ..keyed_array import KeyedArray
 
 MAX_SPACING_M = 0.0045
 """Largest spacing of a fine lattice [m]: less than half the radius of the smallest tumour of interest."""

@@ -20,8 +20,8 @@ from scipy.spatial import KDTree
 from mapping import LabelledPoints
 
 from ..cone import Cone
+from ..keyed_array import KeyedArray
 from ..workspace import Workspace
-from .keyed_array import KeyedArray
 
 _BALLS_AT_ONCE = 128
 """Balls per block of the dense table."""

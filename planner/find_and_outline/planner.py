@@ -213,11 +213,7 @@ def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
 
 
 def _prediction(situation: Situation) -> Prediction:
-    if situation.prediction is None:
-        raise PlannerError(
-            "find-and-outline needs the map's prediction at the search points, but there is none"
-        )
-    return situation.prediction
+    return situation.belief("find-and-outline")
 
 
 def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:

@@ -33,7 +33,7 @@ from .arm_motion import make_motion_model
 from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
 from .step import SkippedPose, Step
-from .target_belief import TargetBelief, checked_prediction
+from .target_belief import TargetBelief, checked_prediction, draws_of
 from .truth import Truth, make_truth
 
 
@@ -250,6 +250,7 @@ class Episode:
             skipped=frozenset(self.skipped),
             motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
             sensing_s=self._sensing_s,
+            draw_map=draws_of(self._planned_for.tumour_map),
             rng=self._planner_rng,
         )
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapping import (
     LabelledPoints,
@@ -83,6 +86,25 @@ class TargetBelief:
     def _predict(self) -> None:
         if self.tumour_map is not None:
             self.prediction = checked_prediction(self.tumour_map, len(self.truth.is_target))
+
+
+def draws_of(
+    tumour_map: TumourMap | None,
+) -> Callable[[np.random.Generator], NDArray[np.float64]] | None:
+    """What draws a whole map from the present belief, of shape (M,); None for a map that cannot.
+
+    Args:
+        tumour_map: The map, which may be a user's own; one with `carry_samples` and `sample_lattice` can.
+    """
+    if not (hasattr(tumour_map, "carry_samples") and hasattr(tumour_map, "sample_lattice")):
+        return None
+    drawing: Any = tumour_map
+
+    def draw(rng: np.random.Generator) -> NDArray[np.float64]:
+        drawing.carry_samples(1, rng=rng)
+        return drawing.sample_lattice()[0]
+
+    return draw
 
 
 def checked_prediction(tumour_map: TumourMap, n_points: int) -> Prediction:

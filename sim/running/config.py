@@ -46,7 +46,7 @@ class PlanningConfig:
     plan_for: PlanFor = "tumours"
     """Whose map the planner is shown, and whose share `until_sensed` means: tumours or target (the second class)."""
     planner_option: tuple[str, ...] = ()
-    """Options of your own planner as name=value, which are the keyword arguments of its class."""
+    """Options of your own planner, or of a baseline, as name=value, which are the keyword arguments of its class."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,8 +179,9 @@ class EpisodeConfig:
     organ: Path | None = None
     """Mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd) that replaces the scenario's organ."""
     planner: str = "find-and-outline"
-    """What chooses the next pose: find-and-outline, expected-improvement (the paper's), random, multi-resolution, or
-    your own planner as package.module:Class."""
+    """What chooses the next pose: find-and-outline, expected-improvement (the paper's), a baseline (random,
+    multi-resolution, greedy-coverage, upper-confidence-bound, probability-of-improvement, thompson-sampling,
+    mutual-information, expected-volume), or your own planner as package.module:Class."""
     sensor: str = CONE
     """What turns a contact into a reading: cone (the paper's, which is exact), or your own sensor as
     package.module:Class."""

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
 
+HAVE_FLAGS = ("find-and-outline", "expected-improvement")
+"""Planners whose options are flags of their own; the others' are given as texts, as those of a user's own planner."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeParts:
@@ -159,9 +162,10 @@ def planner_of(config: EpisodeConfig) -> Planner:
     """
     if config.planner not in planner_names():
         return _own(config.planner, PLANNER, config.planning.planner_option)
-    _refuse_options(
-        "planner_option", config.planning.planner_option, f"planner of your own; {config.planner}"
-    )
+    if config.planner in HAVE_FLAGS:
+        _refuse_options(
+            "planner_option", config.planning.planner_option, f"planner of your own; {config.planner}"
+        )
     try:
         return _named_planner(config)
     except PlannerError as error:
@@ -187,7 +191,7 @@ def _named_planner(config: EpisodeConfig) -> Planner:
             exclusion_share=ei.ei_exclusion_share,
             exclude_sensed=not ei.ei_reuse_poses,
         )
-    return make_planner(config.planner)
+    return make_planner(config.planner, **parse_plug_options(config.planning.planner_option))
 
 
 def sensor_of(config: EpisodeConfig) -> Sensor:

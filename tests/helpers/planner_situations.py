@@ -26,6 +26,10 @@ def make_situation(*, workspace=None, points=None, mean=None, variance=None, sen
     prediction = None
     if mean is not None:
         prediction = Prediction(mean, np.ones(len(points)) if variance is None else variance)
+
+    def draw_map(rng):
+        return rng.normal(prediction.latent_mean, prediction.latent_std)
+
     return Situation(
         workspace=flat_workspace() if workspace is None else workspace,
         cone=Cone(math.radians(11.5), 0.102),
@@ -33,5 +37,6 @@ def make_situation(*, workspace=None, points=None, mean=None, variance=None, sen
         prediction=prediction,
         sensed=tuple(sensed),
         skipped=frozenset(skipped),
+        draw_map=None if prediction is None else draw_map,
         rng=np.random.default_rng(seed),
     )

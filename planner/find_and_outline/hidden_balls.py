@@ -218,7 +218,7 @@ def distance_to_cones(workspace: Workspace, cone: Cone, points_m: NDArray[np.flo
     normals = workspace.normals.astype(np.float32)
     points = (points_m - centre_m).astype(np.float32)
     axial_m = points @ normals.T
-    squared = points @ (-2.0 * positions_m.T)
+    squared = points @ (np.float32(-2.0) * positions_m.T)
     foot_m = np.einsum("ij,ij->i", positions_m, normals)
     squares = np.einsum("ij,ij->i", points, points)[:, None], np.einsum("ij,ij->i", positions_m, positions_m)
     n_rows = max(1, _BYTES_AT_ONCE // max(axial_m[:1].nbytes, 1))

@@ -64,7 +64,9 @@ def test_a_module_that_is_missing_names_package_purpose_and_command(monkeypatch)
 
 def test_the_doctor_lists_what_users_may_want_and_how_to_get_what_is_missing(monkeypatch):
     find = extras.importlib.util.find_spec
-    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda name: None if name == "av" else find("json"))
+    monkeypatch.setattr(
+        extras.importlib.util, "find_spec", lambda name: None if name == "av" else find("json")
+    )
     findings = {each.subject: each for each in find_extras()}
     assert set(findings) == {f"extra {name}" for name, extra in EXTRAS.items() if extra.is_for_users}
     video = findings.pop("extra video")

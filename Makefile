@@ -51,13 +51,13 @@ test: setup-dev
 	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n auto --maxprocesses 4 $(TESTS)
 
 check:
-	@FRAMES=none sh .ci/setup dev
+	@FRAMES=none sh .ci/setup lint
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/pyright
 
 format:
-	@FRAMES=none sh .ci/setup dev
+	@FRAMES=none sh .ci/setup lint
 	.venv/bin/ruff check --fix .
 	.venv/bin/ruff format .
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import fcntl
 import os
-import shutil
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from chromium import NoBrowserError, running_chromium
 from hypothesis import HealthCheck, settings
 from shared_runs import make_arm_run, make_two_class_run, without_figures
 
@@ -45,7 +46,6 @@ LONGEST = (
     "test_motion",
 )
 """Files of tests that take longest, begun first, so that no process is left with one of them at the end."""
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
 # A machine that is busy with other things makes any example late, and proves nothing by it.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -105,15 +105,12 @@ def grids_are_built_once():
 @pytest.fixture(scope="session")
 def browser():
     """Chromium without a window or a graphics card."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs pip install 'sounding[dev]'")
-    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
-    if path is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium")
-    arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with playwright.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=path, args=arguments)
+    with ExitStack() as stack:
+        try:
+            running = stack.enter_context(running_chromium())
+        except NoBrowserError as error:
+            pytest.skip(str(error))
         yield running
-        running.close()
 
 
 @pytest.fixture(scope="session")

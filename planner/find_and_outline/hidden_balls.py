@@ -218,7 +218,8 @@ def distance_to_cones(workspace: Workspace, cone: Cone, points_m: NDArray[np.flo
     normals = workspace.normals.astype(np.float32)
     points = (points_m - centre_m).astype(np.float32)
     axial_m = points @ normals.T
-    squared = points @ (-2.0 * positions_m.T)
+    # Newer types of NumPy take a Python number for a double; no copy is made.
+    squared = (points @ (-2.0 * positions_m.T)).astype(np.float32, copy=False)
     foot_m = np.einsum("ij,ij->i", positions_m, normals)
     squares = np.einsum("ij,ij->i", points, points)[:, None], np.einsum("ij,ij->i", positions_m, positions_m)
     n_rows = max(1, _BYTES_AT_ONCE // max(axial_m[:1].nbytes, 1))

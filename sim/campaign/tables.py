@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mapping.storage import replacing
+from sim.extras import EXTRAS
 from sim.tables import columns_of, nan_for_none, write_csv
 
 from .journal import Entry, Journal
@@ -76,11 +78,9 @@ def curve_arrays(entries: Iterator[Entry]) -> dict[str, np.ndarray]:
 
 
 def _write_parquet(folder: Path) -> None:
-    try:
-        from pyarrow import csv as arrow_csv
-        from pyarrow import parquet
-    except ImportError:
+    if not EXTRAS["parquet"].is_installed:
         return
+    arrow_csv, parquet = (importlib.import_module(f"pyarrow.{name}") for name in ("csv", "parquet"))
     reading = arrow_csv.ReadOptions(block_size=CSV_BLOCK_BYTES)
     table = arrow_csv.read_csv(folder / "trials.csv", read_options=reading)
     with replacing(folder / "trials.parquet") as file:

@@ -10,6 +10,8 @@ from typing import Literal, TextIO
 
 from packaging.requirements import Requirement
 
+from sim.extras import EXTRAS, install_command, pip_command
+
 from .gl_probe import GL_NAMES, GL_REMEDY, HEADLESS_GL_NAMES, GlProbe, probe_gl
 
 Status = Literal["ok", "note", "red"]
@@ -63,6 +65,7 @@ def run_doctor(stream: TextIO | None = None) -> Diagnosis:
         findings=(
             find_python(sys.version_info[:3]),
             *find_packages(requires_or_none(_DISTRIBUTION)),
+            *find_extras(),
             *find_renderers(probes, os.environ.get("MUJOCO_GL")),
             find_blas_threads(),
         )
@@ -101,10 +104,24 @@ def find_packages(requirements: list[str] | None) -> list[Finding]:
             itself is not installed.
     """
     if requirements is None:
-        remedy = "in the project's folder: .venv/bin/pip install -e ."
+        remedy = install_command()
         return [Finding(subject=_DISTRIBUTION, status="red", found="not installed", remedy=remedy)]
     parsed = [Requirement(text) for text in requirements]
     return [_find_package(one) for one in parsed if one.marker is None or one.marker.evaluate({"extra": ""})]
+
+
+def find_extras() -> list[Finding]:
+    """Which extras are installed, what each gives, and how to get the others; nobody must have them."""
+    findings = []
+    for name, extra in EXTRAS.items():
+        if not extra.is_for_users:
+            continue
+        text, remedy = f"installed: {extra.gives}", ""
+        if not extra.is_installed:
+            text, remedy = f"not installed, gives {extra.gives}", install_command(name)
+        status: Status = "note" if remedy else "ok"
+        findings.append(Finding(subject=f"extra {name}", status=status, found=text, remedy=remedy))
+    return findings
 
 
 def find_renderers(probes: Sequence[GlProbe], chosen: str | None) -> list[Finding]:
@@ -132,7 +149,7 @@ def find_blas_threads() -> Finding:
         import scipy.linalg
         from threadpoolctl import threadpool_info
     except ImportError as error:
-        remedy = "in the project's folder: .venv/bin/pip install -e ."
+        remedy = install_command()
         return Finding(subject="BLAS threads", status="red", found=f"{error.name} is missing", remedy=remedy)
     # SciPy loads its own library on first use.
     scipy.linalg.qr(np.eye(2))
@@ -161,7 +178,7 @@ def print_diagnosis(diagnosis: Diagnosis, stream: TextIO) -> None:
 
 
 def _find_package(requirement: Requirement) -> Finding:
-    remedy = f"in the project's folder: .venv/bin/pip install '{requirement}'"
+    remedy = f"{pip_command()} install '{requirement}'"
     if requirement.name == "mujoco":
         remedy = "remove .venv and run make again: MuJoCo cannot be upgraded in place"
     try:

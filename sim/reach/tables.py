@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from mapping.storage import replacing
-from sim.errors import UsageError
 from sim.record.step_files import place_of
 from sim.world.ik.chain import Chain
+from sim.world.optional import optional_module
 
 from .base_search import BaseSearch
 from .reachability import ReachStudy
@@ -126,7 +126,7 @@ def check_parquet() -> None:
     """Check that Parquet can be written.
 
     Raises:
-        UsageError: The package for it is not installed.
+        MissingPackageError: The package for it is not installed.
     """
     _parquet_modules()
 
@@ -144,11 +144,8 @@ def write_parquet(path: Path, rows: list[Row]) -> None:
 
 
 def _parquet_modules() -> tuple[Any, Any]:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as error:
-        raise UsageError("`parquet` needs pyarrow: pip install 'sounding[parquet]'.") from error
+    names = ("pyarrow", "pyarrow.parquet")
+    pyarrow, parquet = (optional_module(name, "parquet", "`parquet`") for name in names)
     return pyarrow, parquet
 
 

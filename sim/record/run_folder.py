@@ -112,10 +112,18 @@ def describe_machine() -> dict[str, Any]:
         "commit": _commit(),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "packages": {name: _version(name) for name in PACKAGES},
         "blas_threads": sorted({int(pool["num_threads"]) for pool in threadpool_info()}),
         "command": sys.argv[1:],
     }
+
+
+def _version(package: str) -> str | None:
+    """The version of a package; None where it is not installed, as toppra on some systems."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def _commit() -> str | None:

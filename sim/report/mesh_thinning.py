@@ -1,10 +1,11 @@
-"""Thinning of meshes that are only looked at: by collapsing edges or, without the package for that, on a grid."""
+"""Thinning of meshes that are only looked at: by collapsing edges or, where that fails, on a grid."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,10 +27,6 @@ def thinned(vertices_m: NDArray[np.float64], faces: NDArray[np.int64], most_face
     """A mesh thinned to about `most_faces` triangles: its vertices [m], shape (V, 3), and faces, shape (F, 3)."""
     if len(faces) <= most_faces:
         return vertices_m, faces
-    try:
-        import fast_simplification
-    except ImportError:
-        return _drawn_together(vertices_m, faces, most_faces)
     centre_m = vertices_m.mean(axis=0)
     centred_mm = np.ascontiguousarray((vertices_m - centre_m) * 1e3, dtype=np.float32)
     # Releases of the package differ in whether they declare the types of this function.

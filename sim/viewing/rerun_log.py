@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.special import logit
 from skimage.measure import marching_cubes
 
-from sim.errors import UsageError
 from sim.record.map_field import called_from
 from sim.record.recording import Recording
 from sim.record.run_record import RunRecord
+from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
 
 ORGAN, TRUTH, MAP, PROBE = (165, 138, 131, 60), (213, 94, 0, 160), (0, 114, 178, 255), (0, 158, 115, 255)
@@ -27,12 +27,9 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
     """Write a .rrd file, and return the number of actions in it.
 
     Raises:
-        UsageError: Rerun is not installed.
+        MissingPackageError: Rerun is not installed.
     """
-    try:
-        import rerun as rr  # pyright: ignore[reportMissingImports], an extra that need not be there
-    except ImportError as error:
-        raise UsageError("`rerun` needs Rerun: pip install 'sounding[rerun]'.") from error
+    rr = optional_module("rerun", "rerun", "`rerun`")
     path.parent.mkdir(parents=True, exist_ok=True)
     stream = rr.RecordingStream("sounding", recording_id=record.folder.resolve().name)
     stream.save(str(path))

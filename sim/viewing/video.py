@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from sim.errors import FieldError, UsageError
+from sim.errors import FieldError
 from sim.pictures.captions import captioned
 from sim.record.recording import Recording, set_state
+from sim.world.optional import optional_module
 from sim.world.scene.rendering import Overlay, RenderSettings, SceneRenderer
 
-EXTRA = "pip install 'sounding[video]'"
 CODEC = "libx264"
 PATH_EVERY = 8
 """Recorded states from one corner of the drawn path of the tip to the next."""
@@ -47,10 +47,11 @@ def write_video(recording: Recording, path: Path, settings: VideoSettings) -> in
         settings: How the video is made.
 
     Raises:
-        UsageError: PyAV is missing, or the file cannot be written.
+        UsageError: The file cannot be written.
+        MissingPackageError: PyAV is not installed.
         RenderingError: No OpenGL works here.
     """
-    av = _import_av()
+    av: Any = optional_module("av", "video", "`video`")
     partial = path.with_name(f".{path.stem}.part.mp4")
     n_frames = int(np.floor(recording.duration_s * settings.fps / settings.speed + 1e-9)) + 1
     try:
@@ -84,11 +85,3 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
             )
             caption = f"{recording.folder.name}   ·   action {step}   ·   {time_s:.1f} s"
             yield captioned(renderer.render(data, overlay), caption, recording.scene.anatomy.structures)
-
-
-def _import_av() -> Any:
-    try:
-        import av
-    except ImportError as error:
-        raise UsageError(f"`video` needs PyAV, which is not installed: {EXTRA}.") from error
-    return av

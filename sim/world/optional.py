@@ -1,18 +1,19 @@
-"""Packages that not everybody needs: they are imported on first use, and the error names the extra to install."""
+"""Packages that not everybody needs: they are imported on first use, and the error names the command to run."""
 
 import importlib
 from types import ModuleType
 
+from sim.extras import missing_text
+
 from .errors import MissingPackageError
 
 
-def optional_module(module: str, package: str, extra: str, purpose: str) -> ModuleType:
+def optional_module(module: str, extra: str, purpose: str) -> ModuleType:
     """An optional module.
 
     Args:
         module: Its dotted name.
-        package: The package that holds it.
-        extra: The extra of Sounding that installs it.
+        extra: The extra of Sounding that installs it, a name of `sim.extras.EXTRAS`.
         purpose: What needs it, as the subject of a sentence.
 
     Raises:
@@ -21,6 +22,4 @@ def optional_module(module: str, package: str, extra: str, purpose: str) -> Modu
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingPackageError(
-            f"{purpose} needs {package}, which is not installed; run: pip install 'sounding[{extra}]'"
-        ) from error
+        raise MissingPackageError(missing_text(extra, purpose)) from error

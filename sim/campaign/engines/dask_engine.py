@@ -6,8 +6,13 @@ import itertools
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from distributed import Client, Future, LocalCluster, wait
-from distributed.scheduler import KilledWorker
+from distributed import (  # pyright: ignore[reportMissingImports], an extra that need not be there
+    Client,
+    Future,
+    LocalCluster,
+    wait,
+)
+from distributed.scheduler import KilledWorker  # pyright: ignore[reportMissingImports]
 
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult, lost_result

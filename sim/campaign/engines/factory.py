@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from sim.errors import FieldError
+from sim.extras import missing_text
 
 from .engine import Engine
 
@@ -37,6 +38,4 @@ def make_engine(name: EngineName, *, n_jobs: int, address: str | None = None) ->
 
         return RayEngine(n_jobs, address)
     except ImportError as error:
-        raise FieldError(
-            "engine", name, f"{error}. Install it with: pip install 'sounding[{name}]'"
-        ) from error
+        raise FieldError("engine", name, missing_text(name, "it")) from error

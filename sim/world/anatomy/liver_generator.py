@@ -1,16 +1,17 @@
 """Livers by seed: an implicit shape, its surface by marching cubes, simplified to fewer triangles.
 
-    python -m sim.world.anatomy.liver_generator --seed 3 --out liver.stl
+    .venv/bin/python -m sim.world.anatomy.liver_generator --seed 3 --out liver.stl
 
 The volume follows what was published for the LiTS training set, 1,586 +- 447 ml, and shapes differ
-about as much as those of its livers. It needs the optional package of `pip install 'sounding[generate]'`.
+about as much as those of its livers.
 """
 
 import argparse
 from dataclasses import fields
 from pathlib import Path
-from types import ModuleType
+from typing import Any
 
+import fast_simplification
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from skimage import measure
 
 from sim.world.errors import GeneratorError
 from sim.world.meshes.decimation import HASTE
-from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
 
 from .implicit import Field
@@ -78,13 +78,9 @@ def make_liver(
         The liver.
 
     Raises:
-        MissingPackageError: fast-simplification is not installed.
         GeneratorError: No sound shape was found.
         ValueError: An argument out of range.
     """
-    fast_simplification = optional_module(
-        "fast_simplification", "fast-simplification", "generate", "making livers"
-    )
     if n_triangles < 1000:
         raise ValueError(f"n_triangles={n_triangles} must be at least 1000")
     if volume_m3 is None:
@@ -94,7 +90,7 @@ def make_liver(
     for _ in range(MAX_ATTEMPTS):
         drawn = shape or LiverShape.draw(rng)
         field = _sample_field(drawn, rng)
-        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0]), n_triangles, fast_simplification)
+        mesh = _simplify(_surface(field, box_mm(drawn)[:, 0]), n_triangles)
         if mesh is not None:
             mesh.apply_translation(-mesh.bounds.mean(axis=0))
             mesh.apply_scale(np.cbrt(volume_m3 / mesh.volume))
@@ -138,9 +134,7 @@ def _surface(field: Field, low_mm: NDArray[np.float64]) -> trimesh.Trimesh:
     return mesh
 
 
-def _simplify(
-    mesh: trimesh.Trimesh, n_triangles: int, fast_simplification: ModuleType
-) -> trimesh.Trimesh | None:
+def _simplify(mesh: trimesh.Trimesh, n_triangles: int) -> trimesh.Trimesh | None:
     """The surface with few enough triangles, or None if it is not sound.
 
     Edges are collapsed where that moves the surface least (quadrics), more slowly if haste tore it.
@@ -149,8 +143,10 @@ def _simplify(
         return None
     if len(mesh.faces) <= n_triangles:
         return mesh
+    # Releases of the package differ in whether they declare the types of this function.
+    simplify: Any = fast_simplification.simplify
     for haste in HASTE:
-        vertices, faces = fast_simplification.simplify(
+        vertices, faces = simplify(
             np.asarray(mesh.vertices, dtype=np.float32),
             np.asarray(mesh.faces, dtype=np.int32),
             target_count=n_triangles - N_SPARE_TRIANGLES,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import fast_simplification
 import numpy as np
 from numpy.typing import NDArray
-
-from sim.world.optional import optional_module
 
 from .repair import RepairError, repair
 from .topology import is_closed, signed_volume_m3
@@ -26,19 +27,15 @@ def decimate(
         vertices_m: Vertices [m], shape (V, 3).
         faces: Vertex indices of a closed surface, shape (F, 3).
         n_triangles: Triangles wanted.
-
-    Raises:
-        MissingPackageError: fast-simplification is not installed.
     """
     if len(faces) <= n_triangles:
         return None
-    fast_simplification = optional_module(
-        "fast_simplification", "fast-simplification", "labels", "simplifying a surface"
-    )
     centre_m = vertices_m.mean(axis=0)
     volume_m3 = signed_volume_m3(vertices_m, faces)
+    # Releases of the package differ in whether they declare the types of this function.
+    simplify: Any = fast_simplification.simplify
     for haste in HASTE:
-        simple, triangles = fast_simplification.simplify(
+        simple, triangles = simplify(
             np.ascontiguousarray((vertices_m - centre_m) * 1e3, dtype=np.float32),
             np.ascontiguousarray(faces, dtype=np.int32),
             target_count=n_triangles,

@@ -9,7 +9,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from sim.world.errors import MeshError, MissingPackageError
+from sim.world.errors import MeshError
 from sim.world.names import fold
 from sim.world.solids.solid import Solid
 
@@ -222,10 +222,7 @@ def _simplified(
     """The surface with fewer triangles where it has very many, and what to say of it."""
     if len(faces) <= MOST_TRIANGLES:
         return vertices_m, faces, []
-    try:
-        simple = decimate(vertices_m, faces, SIMPLIFIED_TRIANGLES)
-    except MissingPackageError as error:
-        return vertices_m, faces, [f"{len(faces):,} triangles make everything slow, and {error}"]
+    simple = decimate(vertices_m, faces, SIMPLIFIED_TRIANGLES)
     if simple is None:
         return vertices_m, faces, [f"{len(faces):,} triangles make everything slow; decimate the mesh"]
     return *simple, [f"{len(faces):,} triangles were simplified to {len(simple[1]):,}"]

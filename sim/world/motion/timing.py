@@ -1,6 +1,7 @@
-"""Timing: the fastest way along a joint path within limits of speed and acceleration, by toppra.
+"""Timing: the fastest way along a joint path within limits of speed and acceleration, by toppra where it is installed.
 
 Pham and Pham, A new approach to time-optimal path parameterization based on reachability analysis, 2018.
+There are wheels of toppra for Linux on x86-64 alone; elsewhere `plain_timing` times the same paths, somewhat slower.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
+from sim.extras import EXTRAS
 from sim.world.errors import WorldError
 from sim.world.ik.chain import Array, Chain
 
 from .joint_limits import JointLimits
+from .plain_timing import plain_motion
 
 if TYPE_CHECKING:
     # toppra imports pyplot, which is slow to load, and only arms that move need it.
@@ -88,9 +91,6 @@ class PathTimer:
         Raises:
             TimingError: toppra finds no motion along this curve.
         """
-        from toppra import SplineInterpolator
-        from toppra.algorithm import TOPPRA
-
         knots = curve.x
         q = curve(knots)
         if knots[-1] <= STILL:
@@ -98,17 +98,12 @@ class PathTimer:
         between = np.linspace(0.0, knots[-1], TIP_POINTS_PER_KNOT * (len(knots) - 1) + 1)
         steps_m = np.linalg.norm(np.diff(self._chain.forward(curve(between)).tips_m, axis=0), axis=1)
         way_m = np.concatenate([[0.0], np.cumsum(steps_m)])[::TIP_POINTS_PER_KNOT]
-        path = SplineInterpolator(knots, np.column_stack([q, way_m]))
-        n_grid = max(MIN_GRID_POINTS, GRID_POINTS_PER_KNOT * len(knots))
-        grid = np.linspace(0.0, knots[-1], n_grid)
-        constraints = self._constraints(tip_speed_m_s)
-        toppra = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
-        timed = toppra.compute_trajectory(0.0, 0.0)
-        if timed is None:
-            raise TimingError(
-                "toppra found no motion along a path within the joints' limits; raise the limits."
-            )
-        fastest_s = float(timed.path_interval[1])
+        points = np.column_stack([q, way_m])
+        if EXTRAS["toppra"].is_installed:
+            timed, fastest_s = self._by_toppra(knots, points, tip_speed_m_s)
+        else:
+            speed, acceleration = self._given_limits(tip_speed_m_s)
+            timed, fastest_s = plain_motion(knots, points, speed, acceleration)
         followed = self._within_limits(timed, fastest_s)
         slowing = self._slowing(followed, fastest_s, tip_speed_m_s)
         duration_s = slowing * fastest_s
@@ -116,13 +111,33 @@ class PathTimer:
         q, rate = followed(time_s / slowing, 0)[:, :-1], followed(time_s / slowing, 1)[:, :-1]
         return Trajectory(time_s, q, rate / slowing)
 
+    def _by_toppra(self, knots: Array, points: Array, tip_speed_m_s: float) -> tuple[Followed, float]:
+        """The fastest motion along a spline, and its duration [s]."""
+        from toppra import SplineInterpolator
+        from toppra.algorithm import TOPPRA
+
+        n_grid = max(MIN_GRID_POINTS, GRID_POINTS_PER_KNOT * len(knots))
+        grid = np.linspace(0.0, knots[-1], n_grid)
+        path, constraints = SplineInterpolator(knots, points), self._constraints(tip_speed_m_s)
+        toppra = TOPPRA(constraints, path, gridpoints=grid, solver_wrapper="seidel")
+        timed = toppra.compute_trajectory(0.0, 0.0)
+        if timed is None:
+            raise TimingError(
+                "toppra found no motion along a path within the joints' limits; raise the limits."
+            )
+        return timed, float(timed.path_interval[1])
+
+    def _given_limits(self, tip_speed_m_s: float) -> tuple[Array, Array]:
+        """Limits of speed and acceleration of the joints and of the tip's way, each of shape (n + 1,)."""
+        speed = LIMIT_SHARE * np.append(self._limits.speed, tip_speed_m_s)
+        return speed, LIMIT_SHARE * np.append(self._limits.acceleration, TIP_ACCELERATION_M_S2)
+
     def _constraints(self, tip_speed_m_s: float) -> list[Constraint]:
         """The limits as toppra takes them, kept, since toppra writes each as text when it is made, which is slow."""
         from toppra.constraint import JointAccelerationConstraint, JointVelocityConstraint
 
         if tip_speed_m_s not in self._kept:
-            speed = LIMIT_SHARE * np.append(self._limits.speed, tip_speed_m_s)
-            acceleration = LIMIT_SHARE * np.append(self._limits.acceleration, TIP_ACCELERATION_M_S2)
+            speed, acceleration = self._given_limits(tip_speed_m_s)
             self._kept[tip_speed_m_s] = [
                 JointVelocityConstraint(np.column_stack([-speed, speed])),
                 JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),

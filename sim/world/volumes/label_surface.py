@@ -71,7 +71,6 @@ def surface_of(mask: NDArray[np.bool_], T_lps_voxel: NDArray[np.float64], settin
 
     Raises:
         MeshError: No closed surface could be drawn.
-        MissingPackageError: fast-simplification is not installed, and the surface needs it.
     """
     field, T_lps_grid = _even_field(mask, T_lps_voxel, settings.spacing_m)
     volume_m3 = int(mask.sum()) * abs(float(np.linalg.det(T_lps_voxel[:3, :3])))

@@ -1,5 +1,3 @@
-import sys
-
 import numpy as np
 import pytest
 import trimesh
@@ -14,7 +12,6 @@ from sim.world.anatomy.liver_generator import (
     make_liver,
 )
 from sim.world.anatomy.liver_shape import MOST_DEVIATION, SPREAD, LiverShape, liver_field
-from sim.world.errors import MissingPackageError
 from sim.world.meshes.meshes import load_mesh
 from sim.world.solids.solid import Solid
 
@@ -157,14 +154,6 @@ def test_the_command_makes_what_it_is_told(tmp_path, monkeypatch):
     assert first_draw == np.random.default_rng(2).random()
     assert more == {"volume_m3": pytest.approx(1.4e-3), "shape": None, "n_triangles": 5000}
     assert load_mesh(tmp_path / "liver.stl").mesh.extents == pytest.approx([0.1] * 3, rel=1e-3)
-
-
-def test_without_the_optional_package_the_error_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "fast_simplification", None)
-    with pytest.raises(
-        MissingPackageError, match=r"needs fast-simplification.*pip install 'sounding\[generate\]'"
-    ):
-        make_liver(np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("deviation", [2.5, MOST_DEVIATION])

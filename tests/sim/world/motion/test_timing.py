@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import sys
 
 import mujoco
 import numpy as np
@@ -23,9 +24,15 @@ def limits(search):
     return JointLimits.of_arm(MODELS_DIR / "arm.xml", search.chain.is_slide)
 
 
-@pytest.fixture(scope="module")
-def timer(search, limits):
-    return PathTimer(search.chain, limits)
+@pytest.fixture(scope="module", params=["toppra", "plain"])
+def timer(request, search, limits):
+    """The timer with toppra, and without it, as on systems for which there is no wheel of it."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "plain":
+            patch.setitem(sys.modules, "toppra", None)
+        else:
+            pytest.importorskip("toppra", reason="toppra is not installed here")
+        yield PathTimer(search.chain, limits)
 
 
 def beyond(chain, q) -> float:

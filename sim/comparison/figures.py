@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from sim.campaign.trial_result import RECALL_LEVELS
-from sim.pictures.figures import BLUE, INK, MUTED, VERMILION, new_figure, save
+from sim.pictures.figures import BLUE, INK, MUTED, VERMILION, new_figure, save, set_title
 
 from .comparison import SENSINGS, Comparison, Score, horizon_of, measured
 from .estimates import reached_shares, spread_of
@@ -18,6 +18,8 @@ from .trial_groups import TrialGroup
 
 COLOURS = (VERMILION, BLUE, "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Colours of Okabe and Ito's palette, one for each contender."""
+LEAST_WIDTH_IN = 5.2
+"""Least width of a bar chart: a narrower one has no room for its title."""
 JITTER = 0.16
 """Dots of trials lie this far to either side of the middle of their bar [bar spacings]."""
 
@@ -29,7 +31,9 @@ def draw_sensings(path: Path, comparison: Comparison, case: str) -> bool:
         return False
     horizon = horizon_of(groups)
     margins_in = (0.72, 0.22, 0.85, 0.52)
-    figure, axes = new_figure(width_in=2.2 + 1.5 * len(groups), height_in=4.6, margins_in=margins_in)
+    figure, axes = new_figure(
+        width_in=max(2.2 + 1.5 * len(groups), LEAST_WIDTH_IN), height_in=4.6, margins_in=margins_in
+    )
     labels = []
     for place, group in enumerate(groups):
         score = comparison.score(case, group.contender, SENSINGS.key)
@@ -142,7 +146,7 @@ def _draw_band(
 def _title(axes: Axes, text: str, groups: list[TrialGroup]) -> None:
     counts = sorted({len(group.entries) for group in groups})
     of = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-    axes.set_title(f"{text} ({of} trials)", loc="left", fontsize=11, color=INK, pad=12)
+    set_title(axes, f"{text} ({of} trials)", size_pt=11.0)
 
 
 def _wrapped(text: str) -> str:

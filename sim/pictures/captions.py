@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,26 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from sim.world.anatomy.structures import Structure
-from sim.world.scene.rendering import CELL_RGBA, CURRENT_RGBA, SENSED_RGBA
-from sim.world.scene.scene import (
-    CONE_RGBA,
-    KEEPOUT_RGBA,
-    ORGAN_RGBA,
-    STRUCTURE_RGBA,
-    TARGET_RGBA,
-    TUMOUR_RGBA,
-)
-
-from .smoothing import smooth_edges
+from sim.world.anatomy.anatomy import Anatomy
+from sim.world.camera.rendering import CELL_RGBA, CURRENT_RGBA, PATH_RGBA, SENSED_RGBA, RenderSettings
+from sim.world.scene.scene import KEEPOUT_RGBA, ORGAN_RGBA, STRUCTURE_RGBA, TARGET_RGBA, TUMOUR_RGBA
 
 LEGEND = (
+    ("organ", ORGAN_RGBA),
     ("true tumour", TUMOUR_RGBA),
     ("likely tumour, by the map", CELL_RGBA),
-    ("sensed cone", CONE_RGBA),
+    ("sensed now, with its cone", CURRENT_RGBA),
     ("sensed before", SENSED_RGBA),
-    ("sensed now", CURRENT_RGBA),
-    ("organ", ORGAN_RGBA),
+    ("way of the tip to this action", PATH_RGBA),
 )
 STRUCTURES = {
     False: ("vessels and the like", STRUCTURE_RGBA),
@@ -40,21 +31,48 @@ STRUCTURES = {
 MOST_LETTERS = 24
 """Most letters of a name in the key, which has no room for more."""
 INK, PAPER = (28, 38, 52), (250, 251, 252)
+CAPTION_PX, CAPTION_SIZE_PX = 46, 21
+"""Height of the strip above and of the letters in it."""
+ROW_PX, KEY_SIZE_PX, KEY_GAP_PX = 26, 16, 26
+"""Height of a row of the key below, of the letters in it, and the room between two entries."""
+LEAST_WIDTH_PX = 480
+"""Narrower pictures have no key."""
 
 
-def captioned(
-    pixels: NDArray[np.uint8], caption: str, structures: Sequence[Structure] = (), target: str | None = None
-) -> NDArray[np.uint8]:
-    """A picture with smoothed edges, a caption, and the key to the colours where there is room; the shape is kept."""
+def frame_settings(
+    anatomy: Anatomy, *, width_px: int | None = None, height_px: int | None = None
+) -> RenderSettings:
+    """The settings of pictures that leave room for caption and key; sizes are the defaults unless they are given."""
+    plain = RenderSettings()
+    width_px, height_px = width_px or plain.width_px, height_px or plain.height_px
+    key_px = key_of(anatomy, width_px, height_px)
+    return replace(
+        plain,
+        width_px=width_px,
+        height_px=height_px,
+        above_px=min(CAPTION_PX, height_px // 4),
+        below_px=0 if key_px is None else key_px.height,
+    )
+
+
+def captioned(pixels: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> NDArray[np.uint8]:
+    """A picture with a caption above, and below the key to the colours where there is room; the shape is kept."""
     height_px, width_px = pixels.shape[:2]
-    image = Image.fromarray(smooth_edges(pixels))
-    legend = _legend(*{each.is_keepout: None for each in structures}, target=target)
-    if height_px >= 2 * legend.height and width_px >= 2 * legend.width:
-        image.paste(legend, (14, height_px - 12 - legend.height), legend)
+    image = Image.fromarray(pixels)
+    key = key_of(anatomy, width_px, height_px)
+    if key is not None:
+        image.paste(key, (0, height_px - key.height))
     draw = ImageDraw.Draw(image)
-    draw.rectangle((0, 0, width_px, 54), fill=PAPER)
-    draw.text((20, 14), caption, font=_font(21), fill=INK)
+    draw.rectangle((0, 0, width_px, CAPTION_PX - 1), fill=PAPER)
+    draw.text((20, CAPTION_PX // 2), caption, font=_font(CAPTION_SIZE_PX), fill=INK, anchor="lm")
     return np.asarray(image)
+
+
+def key_of(anatomy: Anatomy, width_px: int, height_px: int) -> Image.Image | None:
+    """The key to the colours of a picture of an anatomy, a strip of its width; None where the picture is too small."""
+    kinds = tuple(sorted({each.is_keepout for each in anatomy.structures}))
+    key = _key(width_px, *kinds, target=None if anatomy.target is None else anatomy.target.name)
+    return key if width_px >= LEAST_WIDTH_PX and height_px >= 4 * key.height else None
 
 
 @lru_cache(maxsize=4)
@@ -63,24 +81,34 @@ def _font(size_px: int) -> ImageFont.FreeTypeFont:
 
 
 @lru_cache(maxsize=4)
-def _legend(*kinds: bool, target: str | None = None) -> Image.Image:
-    """The key to the colours, as a translucent card.
+def _key(width_px: int, *kinds: bool, target: str | None = None) -> Image.Image:
+    """The key to the colours, in as many rows as its entries need.
 
     Args:
+        width_px: Its width.
         kinds: Kinds of structures: True for those to keep away from, False for others.
         target: What a second class is called; None where there is none.
     """
     targets = [] if target is None else [(f"true {target}"[:MOST_LETTERS], TARGET_RGBA)]
-    entries = [*LEGEND, *targets, *(STRUCTURES[kind] for kind in sorted(kinds))]
-    row_px, n = 24, len(entries)
-    card = Image.new("RGBA", (246, row_px * n + 14), (0, 0, 0, 0))
+    entries = [*LEGEND, *targets, *(STRUCTURES[kind] for kind in kinds)]
+    font, x_px, row = _font(KEY_SIZE_PX), 20, 0
+    places: list[tuple[int, int]] = []
+    for label, _ in entries:
+        taken_px = 24 + int(font.getlength(label))
+        if places and x_px + taken_px > width_px - 12:
+            x_px, row = 20, row + 1
+        places.append((x_px, 8 + ROW_PX * row))
+        x_px += taken_px + KEY_GAP_PX
+    card = Image.new("RGB", (width_px, ROW_PX * (row + 1) + 14), PAPER)
     draw = ImageDraw.Draw(card)
-    draw.rounded_rectangle((0, 0, card.width - 1, card.height - 1), radius=8, fill=(255, 255, 255, 200))
-    for i, (label, rgba) in enumerate(entries):
-        y_px = 8 + row_px * i
+    for (label, rgba), (x_px, y_px) in zip(entries, places, strict=True):
         rgb = tuple(round(255 * channel) for channel in rgba[:3])
-        draw.rounded_rectangle(
-            (12, y_px + 3, 28, y_px + 17), radius=4, fill=(*rgb, 255), outline=(90, 98, 110, 255)
-        )
-        draw.text((38, y_px + 1), label, font=_font(15), fill=(*INK, 255))
+        mark = (x_px, y_px + 6, x_px + 16, y_px + 20)
+        if rgba == PATH_RGBA:
+            draw.line((x_px, y_px + 13, x_px + 16, y_px + 13), fill=rgb, width=3)
+        elif rgba in (SENSED_RGBA, CURRENT_RGBA):
+            draw.ellipse((x_px + 1, y_px + 6, x_px + 15, y_px + 20), fill=rgb, outline=(90, 98, 110), width=1)
+        else:
+            draw.rounded_rectangle(mark, radius=4, fill=rgb, outline=(90, 98, 110))
+        draw.text((x_px + 24, y_px + 13), label, font=font, fill=INK, anchor="lm")
     return card

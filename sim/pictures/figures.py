@@ -11,20 +11,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.textpath import TextPath
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
+from sim.colours import MAP, TARGET, TARGET_MAP, TRUTH
 from sim.episode.measures import SENSED_GOAL
 
-BLUE = "#0072B2"
-VERMILION = "#D55E00"
-PURPLE = "#CC79A7"
-AMBER = "#E69F00"
+BLUE, VERMILION, PURPLE, AMBER = MAP, TRUTH, TARGET, TARGET_MAP
 INK = "#222222"
 MUTED = "#767676"
 GRID = "#E6E6E6"
 DPI = 150
 """Dots per inch of every figure."""
+TITLE_PT, LEAST_TITLE_PT = 12.0, 7.0
+"""Size of a title's letters, and the least to which they are made smaller where it does not fit [points]."""
+TITLE_LINES = 2
+"""Most lines of a title."""
+LINE_SPACING = 1.25
+"""Distance between two lines of a title, in sizes of its letters."""
 Margins = tuple[float, float, float, float]
 """Room left, right, below and above a pair of axes [inch]."""
 
@@ -76,7 +81,7 @@ def draw_precision_recall(
     if target is not None:
         title = "Precision and recall of the final maps"
         _draw_target_ranking(axes, target)
-    axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
+    set_title(axes, title)
     save(figure, path)
 
 
@@ -95,7 +100,7 @@ def draw_progress(
     sensed, ranked = (np.asarray(values, dtype=np.float64) for values in (sensed_fraction, auprc))
     axes.set(xlabel="sensing actions", ylim=(0, 1.02), xlim=(0, max(len(sensed), 1) * 1.02))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_title("Progress of the run", loc="left", fontsize=12, color=INK, pad=12)
+    set_title(axes, "Progress of the run")
     has_tumours = bool(np.isfinite(sensed).any())
     if has_tumours:
         _draw_series(axes, sensed, label="tumour sensed", colour=VERMILION)
@@ -135,6 +140,60 @@ def new_figure(
     )
     make_plain(axes)
     return figure, axes
+
+
+def set_title(
+    axes: Axes, text: str, *, size_pt: float = TITLE_PT, pad_pt: float = 10.0, room_in: float | None = None
+) -> None:
+    """Set a title that ends before the right edge of the figure, in smaller letters or two lines where it is long.
+
+    Args:
+        axes: The axes, which begin where the title begins.
+        text: The title; its own line breaks are kept.
+        size_pt: Size of its letters where it fits [points].
+        pad_pt: Room between it and the axes, where it has one line [points].
+        room_in: Its greatest width [inch]; by default it ends at the figure's edge.
+    """
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    to_edge_in = figure.get_figwidth() * (1.0 - axes.get_position().x0) - 0.1
+    room_pt = 72.0 * (to_edge_in if room_in is None else room_in)
+    most_lines = max(TITLE_LINES, text.count("\n") + 1)
+    lines = text.split("\n")
+    for size in np.arange(size_pt, LEAST_TITLE_PT - 0.1, -1.0):
+        lines, size_pt = _in_lines(text, float(size), room_pt), float(size)
+        if len(lines) <= most_lines:
+            break
+    axes.set_title(
+        "\n".join(lines),
+        loc="left",
+        fontsize=size_pt,
+        color=INK,
+        pad=pad_pt if len(lines) == 1 else min(pad_pt, 6.0),
+        linespacing=LINE_SPACING,
+    )
+
+
+def _in_lines(text: str, size_pt: float, room_pt: float) -> list[str]:
+    """A text in lines that are no wider than there is room; a single longer word stays whole."""
+    lines: list[str] = []
+    for paragraph in text.split("\n"):
+        line = ""
+        for word in paragraph.split(" "):
+            longer = f"{line} {word}" if line else word
+            if line and _width_pt(longer, size_pt) > room_pt:
+                lines.append(line)
+                longer = word
+            line = longer
+        lines.append(line)
+    return lines
+
+
+def _width_pt(text: str, size_pt: float) -> float:
+    """The width of a line [points]."""
+    if not text.strip():
+        return 0.0
+    return float(TextPath((0.0, 0.0), text, size=size_pt).get_extents().width)
 
 
 def make_plain(axes: Axes) -> None:

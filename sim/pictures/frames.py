@@ -15,13 +15,41 @@ from sim.closeable import Closeable
 from sim.episode.episode import Episode
 from sim.episode.step import Step
 from sim.world.anatomy.anatomy import Anatomy
-from sim.world.scene.rendering import Overlay, SceneRenderer
+from sim.world.camera.rendering import Overlay, SceneRenderer, averaged
 
-from .captions import captioned
+from .captions import captioned, frame_settings
 from .png import png_bytes
 
 LIKELY = 0.7
 """Cells with a higher probability of tumour are drawn. It is well above the prior of 0.5, that of unsensed cells."""
+
+
+N_FORESEEN = 9
+"""Poses, spread over the workspace, for which the camera is placed before the first picture."""
+
+
+def frame_renderer(episode: Episode) -> SceneRenderer:
+    """A renderer of an episode's frames, whose camera has the arm whole at home and all over the workspace.
+
+    Raises:
+        RenderingError: No OpenGL works here.
+    """
+    scene, positioner = episode.truth.scene, episode.setup.positioner
+    renderer = SceneRenderer(scene, frame_settings(episode.truth.anatomy))
+    states = []
+    for pose in _spread_poses(episode.setup.workspace.positions_m):
+        if positioner.reach(pose).is_reached:
+            states.append(scene.new_data())
+            positioner.place(states[-1], pose, is_lifted=True)
+    renderer.look_at(states)
+    return renderer
+
+
+def _spread_poses(positions_m: NDArray[np.float64]) -> list[int]:
+    """The poses that lie farthest along eight directions across the table, and the highest."""
+    turn_rad = np.linspace(0.0, 2.0 * np.pi, N_FORESEEN - 1, endpoint=False)
+    directions = np.vstack([np.column_stack([np.cos(turn_rad), np.sin(turn_rad), 0.0 * turn_rad]), [0, 0, 1]])
+    return np.unique((positions_m @ directions.T).argmax(axis=0)).tolist()
 
 
 class EpisodeFrames(Closeable):
@@ -43,10 +71,10 @@ class EpisodeFrames(Closeable):
         if self._renderer is None:
             return
         start_s = perf_counter()
-        pixels = self._renderer.render(self._episode.data, self._overlay(step))
+        samples = self._renderer.render_samples(self._episode.data, self._overlay(step))
         caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
         self._pending = [job for job in self._pending if not job.done() or job.result()]
-        self._pending.append(self._pool.submit(_save, self._folder / name, pixels, caption, anatomy))
+        self._pending.append(self._pool.submit(_save, self._folder / name, samples, caption, anatomy))
         self.draw_s += perf_counter() - start_s
 
     def _overlay(self, step: Step) -> Overlay:
@@ -94,7 +122,6 @@ def _caption(episode: Episode, step: Step) -> str:
     return "   ·   ".join(parts)
 
 
-def _save(path: Path, pixels: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> None:
-    target = None if anatomy.target is None else anatomy.target.name
+def _save(path: Path, samples: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> None:
     with replacing(path) as file:
-        file.write(png_bytes(captioned(pixels, caption, anatomy.structures, target)))
+        file.write(png_bytes(captioned(averaged(samples), caption, anatomy)))

@@ -18,7 +18,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from .figures import BLUE, INK, MUTED, new_figure, save
+from sim.colours import MAP, PROBE, TARGET, TARGET_MAP, TRUTH
+
+from .figures import INK, MUTED, new_figure, save, set_title
+from .number_places import number_places
 from .silhouettes import Raster, extended_to_all, lattice_silhouette, mesh_silhouette
 
 View = Literal["top", "side"]
@@ -28,12 +31,18 @@ _AXES_OF_VIEW: dict[View, tuple[int, int, int]] = {"top": (0, 1, 2), "side": (0,
 _MM_PER_M = 1e3
 _MARGINS_IN = (0.72, 0.95, 0.95, 0.45)
 _AXES_WIDTH_IN, _MOST_AXES_HEIGHT_IN = 5.9, 7.4
+_NUMBER_PT = 10.5
+"""Diameter of the disc that a number stands on [points]."""
 _MOST_NUMBERED_POSES = 60
 """With more poses than this, their numbers would cover the map."""
 _COLOURS = LinearSegmentedColormap.from_list(
-    "likely", ["#F7F4EE", "#FBE3A8", "#F5B041", "#D9642C", "#8E1F3F", "#3B0F3F"]
+    "likely", ["#EBF0F2", "#CBE1EF", "#7CB7DC", MAP, "#074C7E", "#05263F"]
 )
-"""From near white (surely free) over amber to dark (surely tumour): the lightness by itself tells the value."""
+"""From near white (surely free) over the map's blue to dark: the lightness by itself tells the value."""
+_TARGET_COLOURS = LinearSegmentedColormap.from_list(
+    "likely target", ["#F7F4EE", "#FBE6BC", "#F3C566", TARGET_MAP, "#9C6800", "#4A2F00"]
+)
+"""The same for a second class."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,21 +109,26 @@ def draw_map_view(path: Path, picture: MapPicture, *, view: View) -> None:
         np.where(organ > 0.0, raster.interpolate(likely), np.nan).T,
         origin="lower",
         extent=(left * _MM_PER_M, right * _MM_PER_M, bottom * _MM_PER_M, top * _MM_PER_M),
-        cmap=_COLOURS,
+        cmap=_COLOURS if picture.target_name is None else _TARGET_COLOURS,
         vmin=0.0,
         vmax=1.0,
         interpolation="bilinear",
     )
     _draw_outline(axes, raster, organ, colour=MUTED, line="solid")
-    _draw_outline(axes, raster, tumour, colour=INK, line="dashed")
-    _draw_poses(axes, picture.poses_m[:, [across, up]] * _MM_PER_M)
+    truth = TRUTH if picture.target_name is None else TARGET
+    _draw_outline(axes, raster, tumour, colour=truth, line="dashed")
+    _draw_poses(
+        axes,
+        picture.poses_m[:, [across, up]] * _MM_PER_M,
+        mm_per_pt=(right - left) * _MM_PER_M / (72.0 * width_in),
+    )
     axes.set(xlabel=f"{'xyz'[across]} [mm]", ylabel=f"{'xyz'[up]} [mm]", aspect="equal")
     axes.grid(visible=False)
-    axes.set_title(_title(view, picture), loc="left", fontsize=12, color=INK, pad=10)
+    set_title(axes, _title(view, picture))
     beside = ((_MARGINS_IN[0] + width_in + 0.15) / of_figure_in[0], _MARGINS_IN[2] / of_figure_in[1])
     bar_axes = figure.add_axes((*beside, 0.16 / of_figure_in[0], height_in / of_figure_in[1]))
     _draw_colourbar(figure, image, bar_axes, f"highest probability of {picture.noun}")
-    _draw_legend(figure, f"true {picture.target_name or 'tumours'}")
+    _draw_legend(figure, f"true {picture.target_name or 'tumours'}", truth)
     save(figure, path)
 
 
@@ -156,15 +170,20 @@ def _draw_outline(
     contour.set(linewidth=1.5, path_effects=[withStroke(linewidth=3.0, foreground="white", alpha=0.8)])
 
 
-def _draw_poses(axes: Axes, poses_mm: NDArray[np.float64]) -> None:
-    is_numbered = len(poses_mm) <= _MOST_NUMBERED_POSES
-    size = 10.5 if is_numbered else 5.0
-    for index, (across_mm, up_mm) in enumerate(poses_mm):
-        style = {"markersize": size, "markeredgecolor": "white", "markeredgewidth": 0.8, "clip_on": False}
-        axes.plot([across_mm], [up_mm], "o", color=BLUE, zorder=5 + index, **style)
-        if is_numbered:
-            text = {"fontsize": 6, "ha": "center", "va": "center_baseline", "zorder": 5 + index}
-            axes.text(across_mm, up_mm, str(index + 1), color="white", **text)
+def _draw_poses(axes: Axes, poses_mm: NDArray[np.float64], *, mm_per_pt: float) -> None:
+    """Draw a dot at each pose, and beside or on it its number; numbers never lie on one another."""
+    dot = {"markeredgecolor": "white", "markeredgewidth": 0.8, "clip_on": False, "linestyle": "none"}
+    axes.plot(poses_mm[:, 0], poses_mm[:, 1], marker="o", color=PROBE, zorder=6, markersize=5.0, **dot)
+    if len(poses_mm) > _MOST_NUMBERED_POSES:
+        return
+    places_mm = number_places(poses_mm, gap_mm=1.08 * _NUMBER_PT * mm_per_pt)
+    for index, (pose_mm, place_mm) in enumerate(zip(poses_mm, places_mm, strict=True)):
+        if not np.array_equal(pose_mm, place_mm):
+            line = np.stack([pose_mm, place_mm])
+            axes.plot(line[:, 0], line[:, 1], color=PROBE, linewidth=0.8, zorder=5, clip_on=False)
+        axes.plot(*place_mm, marker="o", color=PROBE, zorder=7, markersize=_NUMBER_PT, **dot)
+        text = {"fontsize": 6, "ha": "center", "va": "center_baseline", "zorder": 8}
+        axes.text(place_mm[0], place_mm[1], str(index + 1), color="white", **text)
 
 
 def _draw_colourbar(figure: Figure, image: AxesImage, axes: Axes, label: str) -> None:
@@ -173,12 +192,12 @@ def _draw_colourbar(figure: Figure, image: AxesImage, axes: Axes, label: str) ->
     colourbar.ax.tick_params(labelsize=9, length=0)
 
 
-def _draw_legend(figure: Figure, truth: str) -> None:
+def _draw_legend(figure: Figure, name: str, colour: str) -> None:
     handles = [
         Line2D([], [], color=MUTED, linewidth=1.5, label="organ"),
-        Line2D([], [], color=INK, linewidth=1.5, linestyle="dashed", label=truth),
+        Line2D([], [], color=colour, linewidth=1.5, linestyle="dashed", label=name),
         Line2D(
-            [], [], color=BLUE, linestyle="none", marker="o", markersize=7, label="sensing poses, in order"
+            [], [], color=PROBE, linestyle="none", marker="o", markersize=7, label="sensing poses, in order"
         ),
     ]
     figure.legend(handles=handles, loc="lower center", ncols=3, frameon=False, fontsize=9)

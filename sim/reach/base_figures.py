@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from sim.pictures.figures import INK, MUTED, VERMILION, new_figure, save
+from sim.pictures.figures import INK, MUTED, VERMILION, new_figure, save, set_title
 
 from .base_search import BaseQuestion, BaseSearch, Candidate
 from .figures import COLOURS
@@ -24,8 +24,24 @@ HINDERED = "#C9C9C9"
 """Colour of places in the table or in the organ."""
 
 
-def draw_bases(path: Path, workcell: Workcell, found: BaseSearch, question: BaseQuestion) -> None:
-    """Write the map of a search for a base as a PNG: the grid's places as squares, those of the refinement as dots."""
+def draw_bases(
+    path: Path,
+    workcell: Workcell,
+    found: BaseSearch,
+    question: BaseQuestion,
+    *,
+    reached: tuple[float, float],
+) -> None:
+    """Write the map of a search for a base as a PNG: the grid's places as squares, those of the refinement as dots.
+
+    Args:
+        path: The file to write.
+        workcell: The organ, and the arm where it stands.
+        found: The search.
+        question: How it searched.
+        reached: Shares of the whole workspace that are reached from the best base and from the present one. The
+            colours are of the poses that were drawn, with a candidate's effort.
+    """
     figure, axes = new_figure(width_in=8.4, height_in=7.4, margins_in=(0.75, 1.1, 0.95, 0.8))
     measure, what = "reached_fraction", "Poses reached"
     if question.objective == "seen":
@@ -40,12 +56,17 @@ def draw_bases(path: Path, workcell: Workcell, found: BaseSearch, question: Base
     _mark(axes, found.best, "best base", "*")
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     axes.autoscale_view()
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=2, frameon=False, fontsize=9)
-    best, present = (getattr(candidate, measure) for candidate in (found.best, found.candidates[0]))
-    title = f"{what}: {best:.1%} from the best base, {present:.1%} from the present\n{found.best.stand.label}"
-    axes.set_title(title, loc="left", fontsize=11, color=INK, pad=10)
+    if any(candidate.obstacle for candidate in grid):
+        axes.add_patch(Rectangle((0, 0), 0, 0, color=HINDERED, label="no room for the base"))
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, frameon=False, fontsize=9)
+    # The same numbers, and as many digits of them, as the terminal prints.
+    title = f"All poses: {reached[0]:.2%} reached from the best base, {reached[1]:.2%} from the present"
+    if question.objective == "seen":
+        best, present = (candidate.seen_fraction for candidate in (found.best, found.candidates[0]))
+        title = f"{what}: {best:.1%} from the best base, {present:.1%} from the present"
+    set_title(axes, f"{title}\n{found.best.stand.label}", size_pt=11.0)
     bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=axes, fraction=0.035, pad=0.03)
-    bar.set_label(f"{what.lower()}, best over heights", color=INK, fontsize=9)
+    bar.set_label(f"{what.lower()}, of {found.n_poses} poses drawn; best over heights", color=INK, fontsize=9)
     save(figure, path)
 
 

@@ -6,16 +6,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from planner import Workspace
-from sim.pictures.figures import BLUE, INK, MUTED, VERMILION, make_plain, new_figure, save
+from sim.pictures.figures import BLUE, INK, MUTED, VERMILION, make_plain, new_figure, save, set_title
 from sim.world.solids.solid import Solid
 
 from .reachability import ReachStudy
@@ -25,6 +27,7 @@ COLOURS = LinearSegmentedColormap.from_list("comfort", ["#F2E8C9", "#8CC6B0", "#
 """From pale (at a limit, or nearly touching) to dark blue (comfortable): the lightness by itself tells the value."""
 BARE = "#DCDCDC"
 """Colour of the surface that is no part of the workspace."""
+BARE_LABEL = "no sensing pose there (edge, too steep, or not to be pressed)"
 N_NEAR = 4
 """A face takes the mean score of this many nearest poses."""
 REACH_SPACINGS = 2.5
@@ -47,16 +50,14 @@ def draw_reach(path: Path, organ: Solid, workspace: Workspace, study: ReachStudy
     )
     marks = _draw_organ(axes, organ, workspace, study)
     title = f"{study.is_reached.mean():.1%} of {len(study.is_reached)} poses reached"
-    axes.set_title(title, loc="left", fontsize=12, color=INK, pad=12)
+    set_title(axes, title)
+    handles: list[Artist] = [Patch(color=BARE)]
+    labels = [BARE_LABEL]
     if not study.is_reached.all():
-        axes.legend(
-            [marks],
-            ["not reached"],
-            loc="upper right",
-            bbox_to_anchor=(1.02, 1.09),
-            frameon=False,
-            fontsize=9,
-        )
+        handles, labels = [marks, *handles], ["not reached", *labels]
+    axes.legend(
+        handles, labels, loc="upper left", bbox_to_anchor=(-0.01, -0.1), ncols=2, frameon=False, fontsize=9
+    )
     _score_bar(figure, axes)
     save(figure, path)
 
@@ -77,15 +78,13 @@ def draw_arms(path: Path, studies: Sequence[tuple[str, Workcell, ReachStudy]]) -
         make_plain(axes)
         axes.set_position(place.translated(index * (panel_in + 0.55) / width_in, 0.0))
         _draw_organ(axes, workcell.placed.organ, workcell.workspace, study)
-        axes.set_title(
-            f"{name}: {study.is_reached.mean():.1%} reached", loc="left", fontsize=12, color=INK, pad=8
-        )
+        set_title(axes, f"{name}: {study.is_reached.mean():.1%} reached", room_in=panel_in + 0.4)
         axes.grid(visible=False)
         if index:
             axes.set_ylabel("")
     bar_axes = figure.add_axes((1.0 - 0.95 / width_in, place.y0, 0.16 / width_in, place.height))
     bar = figure.colorbar(ScalarMappable(Normalize(0, 1), COLOURS), cax=bar_axes)
-    bar.set_label("score; dots are not reached", color=INK, fontsize=9)
+    bar.set_label("score; dots: not reached; grey: no pose", color=INK, fontsize=9)
     save(figure, path)
 
 
@@ -150,5 +149,5 @@ def draw_reasons(path: Path, study: ReachStudy) -> None:
         axes.annotate(text, (count, row), xytext=(5, 0), textcoords="offset points", va="center", color=MUTED)
     axes.set(xlabel="poses", xlim=(0, max(counts) * 1.22))
     axes.grid(visible=False, axis="y")
-    axes.set_title("How the poses of the workspace ended", loc="left", fontsize=12, color=INK, pad=12)
+    set_title(axes, "How the poses of the workspace ended")
     save(figure, path)

@@ -169,7 +169,8 @@ def _search_base(
     found, best_reached_fraction = _decided(found, question, workcell, search, present_fraction)
     for row in base_rows(found):
         folder.append_row("bases.csv", row)
-    draw_bases(folder.path / "bases.png", workcell, found, question)
+    reached = (best_reached_fraction, present_fraction)
+    draw_bases(folder.path / "bases.png", workcell, found, question, reached=reached)
     return {"objective": question.objective} | base_summary(
         found, best_reached_fraction=best_reached_fraction
     )

@@ -22,12 +22,11 @@ from sim.episode.step import Step
 from sim.findings.structure_distances import distance_rows
 from sim.interrupt import NotedInterrupt
 from sim.notices import Notify, print_notice
-from sim.pictures.frames import EpisodeFrames
+from sim.pictures.frames import EpisodeFrames, frame_renderer
 from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion
-from sim.world.scene.rendering import SceneRenderer
 
 from .arm_place import arm_fields
 from .config import EpisodeConfig
@@ -163,7 +162,7 @@ def record_episode(
         episode = make_episode(parts, setup)
         renderer = None
         if output.frames != "none":
-            renderer = stack.enter_context(SceneRenderer(episode.truth.scene))
+            renderer = stack.enter_context(frame_renderer(episode))
         folder = stack.enter_context(RunFolder(output.folder, overwrite=output.overwrite))
         folder.begin(run_config(parts, setup, output.options, output.cannot_repeat), {"seed": parts.seed})
         write_anatomy(folder, episode.truth.anatomy)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from sim.colours import KEEPOUT, STRUCTURE, TARGET, TRUTH
 from sim.pictures.figures import INK, MUTED, save
 from sim.world.anatomy.loading import LoadedAnatomy
 from sim.world.solids.solid import Solid
@@ -23,8 +24,8 @@ VIEWS = (
     ("from the feet, as on CT", (0, 1), np.array([0.0, 0.0, -1.0]), ("left →", "front →")),
 )
 """Title, axes drawn across and up (LPS), direction towards the viewer, and what the axes mean."""
-ORGAN, TUMOUR, TARGET = "#F0C9BE", "#E0A100", "#CC79A7"
-STRUCTURE, KEEPOUT = "#4C6B9E", "#2E7D4F"
+PALE_ORGAN = "#DCCFCB"
+"""The organ's colour on a white ground, where bodies in it have to show."""
 INNER_ALPHA = 0.88
 LIGHT = 0.55
 """Least brightness of a triangle seen edge on."""
@@ -42,8 +43,8 @@ def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
     for index, axes in enumerate(figure.subplots(1, 3)):
         draw_view(axes, loaded, index)
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK)
-    handles = [Patch(color=ORGAN, label="organ")]
-    handles += [Patch(color=TUMOUR, label="tumours")] if loaded.tumours else []
+    handles = [Patch(color=PALE_ORGAN, label="organ")]
+    handles += [Patch(color=TRUTH, label="tumours")] if loaded.tumours else []
     handles += [Patch(color=TARGET, label="targets")] if loaded.targets else []
     kinds = {each.is_keepout for each in loaded.structures}
     handles += [Patch(color=STRUCTURE, label="structures")] if False in kinds else []
@@ -63,10 +64,10 @@ def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:
     title, (across, up), towards, names = VIEWS[index]
     inner: Sequence[tuple[Solid, str]] = [
         *((each.solid, KEEPOUT if each.is_keepout else STRUCTURE) for each in loaded.structures),
-        *((tumour, TUMOUR) for tumour in loaded.tumours),
+        *((tumour, TRUTH) for tumour in loaded.tumours),
         *((target, TARGET) for target in loaded.targets),
     ]
-    axes.add_collection(_shaded(loaded.organ, (across, up), towards, ORGAN))
+    axes.add_collection(_shaded(loaded.organ, (across, up), towards, PALE_ORGAN))
     for solid, colour in inner:
         shaded = _shaded(solid, (across, up), towards, colour)
         shaded.set_alpha(INNER_ALPHA)

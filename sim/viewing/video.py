@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from sim.errors import FieldError
-from sim.pictures.captions import captioned
+from sim.pictures.captions import captioned, frame_settings
 from sim.record.recording import Recording, set_state
+from sim.world.camera.rendering import Overlay, SceneRenderer
 from sim.world.optional import optional_module
-from sim.world.scene.rendering import Overlay, RenderSettings, SceneRenderer
 
 CODEC = "libx264"
+STATES_A_MOTION = 4
+"""States of each motion that the camera is placed for; where another leaves the picture it moves once."""
 PATH_EVERY = 8
 """Recorded states from one corner of the drawn path of the tip to the next."""
 
@@ -73,8 +75,10 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
     """The frames in order, each of shape (height, width, 3)."""
     data = recording.scene.new_data()
     steps = list(recording.motions)
-    size = RenderSettings(width_px=settings.width_px, height_px=settings.height_px)
+    anatomy = recording.scene.anatomy
+    size = frame_settings(anatomy, width_px=settings.width_px, height_px=settings.height_px)
     with SceneRenderer(recording.scene, size) as renderer:
+        _show_all(renderer, recording)
         for frame in tqdm(range(n_frames), desc="rendering", unit="frame", mininterval=0.5):
             time_s = frame * settings.speed / settings.fps
             step, state = recording.at(time_s)
@@ -84,4 +88,15 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
                 sensed_m=recording.sensed_m[:index], path_m=recording.motions[step].tips_m[::PATH_EVERY]
             )
             caption = f"{recording.folder.name}   ·   action {step}   ·   {time_s:.1f} s"
-            yield captioned(renderer.render(data, overlay), caption, recording.scene.anatomy.structures)
+            yield captioned(renderer.render(data, overlay), caption, anatomy)
+
+
+def _show_all(renderer: SceneRenderer, recording: Recording) -> None:
+    """Choose one viewpoint for the whole run, so that the camera stands still."""
+    states = []
+    for motion in recording.motions.values():
+        for state in motion.states[:: max(len(motion.states) // STATES_A_MOTION, 1)]:
+            data = recording.scene.new_data()
+            set_state(recording.scene, data, state)
+            states.append(data)
+    renderer.look_at(states)

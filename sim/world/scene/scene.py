@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import Cone
+from sim.colours import KEEPOUT, ORGAN, PROBE, STRUCTURE, TARGET, TRUTH, rgba
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.arms.mujoco_messages import caught_warnings
 from sim.world.frames import quaternion_matrix
@@ -19,12 +20,12 @@ from .groups import Group
 from .mounting import TIP_SITE, compile_mounted, mount
 from .probe_room import MOUNT, colliding_geoms
 
-ORGAN_RGBA = (0.72, 0.28, 0.24, 0.30)
-TUMOUR_RGBA = (0.98, 0.78, 0.10, 1.0)
-TARGET_RGBA = (0.94, 0.80, 0.94, 1.0)
-STRUCTURE_RGBA = (0.30, 0.42, 0.62, 0.85)
-KEEPOUT_RGBA = (0.16, 0.45, 0.30, 0.95)
-CONE_RGBA = (0.56, 0.36, 0.85, 0.28)
+ORGAN_RGBA = rgba(ORGAN, 0.34)
+TUMOUR_RGBA = rgba(TRUTH, 0.6)
+TARGET_RGBA = rgba(TARGET, 0.6)
+STRUCTURE_RGBA = rgba(STRUCTURE, 0.85)
+KEEPOUT_RGBA = rgba(KEEPOUT, 0.95)
+CONE_RGBA = rgba(PROBE, 0.28)
 MIN_MESH_EXTENT_M = 1e-4
 """Tumours thinner than this have no volume that MuJoCo could integrate."""
 
@@ -81,7 +82,7 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
     spec.modelname = "sounding"
     spec.visual.map.znear = 0.01
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1440
-    # On a software renderer several samples per pixel double the time of a picture; frames smooth edges later.
+    # Frames have several samples per pixel by themselves, which takes less time.
     spec.visual.quality.offsamples = 0
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 20, 12
     spec.visual.headlight.ambient = [0.38, 0.38, 0.38]

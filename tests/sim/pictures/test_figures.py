@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 
-from sim.pictures.figures import draw_precision_recall, draw_progress
+from sim.pictures.figures import draw_precision_recall, draw_progress, new_figure, set_title
 from sim.pictures.map_views import MapPicture, draw_map_view, highest_along
+from sim.pictures.number_places import number_places
 from sim.pictures.silhouettes import Raster, extended_to_all, lattice_silhouette, mesh_silhouette
 
 
@@ -28,9 +31,10 @@ def share_of(image, colour, tolerance=12):
     return float((np.abs(image - colour).max(axis=-1) <= tolerance).mean())
 
 
-FREE = (0xF7, 0xF4, 0xEE)
-TUMOUR = (0x3B, 0x0F, 0x3F)
-POSE = (0x00, 0x72, 0xB2)
+FREE = (0xEB, 0xF0, 0xF2)
+TUMOUR = (0x05, 0x26, 0x3F)
+POSE = (0x00, 0x9E, 0x73)
+MAP = (0x00, 0x72, 0xB2)
 
 
 @pytest.mark.parametrize("view", ["top", "side"])
@@ -125,12 +129,49 @@ def test_an_organ_without_tumour_is_said_to_have_no_curves(tmp_path):
     draw_progress(tmp_path / "auprc.png", auprc=[None, None], sensed_fraction=[None, None])
     for name in ("curve.png", "auprc.png"):
         image = pixels(tmp_path / name)
-        assert share_of(image, POSE) == 0.0  # no blue curve
+        assert share_of(image, MAP) == 0.0  # no blue curve
         assert share_of(image, (0x76, 0x76, 0x76)) > 1e-3  # but grey text
 
 
 def test_progress_draws_both_series(tmp_path):
     draw_progress(tmp_path / "auprc.png", auprc=[None, 0.2, 0.9], sensed_fraction=[0.0, 0.5, 1.0])
     image = pixels(tmp_path / "auprc.png")
-    assert share_of(image, POSE) > 1e-3
+    assert share_of(image, MAP) > 1e-3
     assert share_of(image, (0xD5, 0x5E, 0x00)) > 1e-3
+
+
+@given(
+    text=st.lists(st.text("abcdefghijklmnop,()é", min_size=1, max_size=14), min_size=1, max_size=16),
+    width_in=st.floats(3.7, 9.0),
+)
+def test_a_title_never_leaves_the_figure(text, width_in):
+    figure, axes = new_figure(width_in=width_in, height_in=3.0)
+    set_title(axes, " ".join(text))
+    title = axes._left_title
+    box = title.get_window_extent(figure.canvas.get_renderer())
+    assert box.x1 <= figure.bbox.width
+
+
+def test_a_short_title_keeps_its_size():
+    _, axes = new_figure(width_in=5.0, height_in=3.0)
+    set_title(axes, "Progress of the run")
+    assert axes._left_title.get_fontsize() == 12.0
+    assert axes._left_title.get_text() == "Progress of the run"
+
+
+@given(
+    points=st.lists(st.tuples(st.floats(0, 60), st.floats(0, 4)), max_size=60),
+    gap_mm=st.floats(0.5, 6.0),
+)
+def test_numbers_never_lie_on_one_another(points, gap_mm):
+    points_mm = np.array(points, dtype=float).reshape(-1, 2)
+    places_mm = number_places(points_mm, gap_mm=gap_mm)
+    apart_mm = np.linalg.norm(places_mm[:, None] - places_mm, axis=2) + np.eye(len(points)) * 1e9
+    assert apart_mm.min(initial=np.inf) >= gap_mm * (1 - 1e-6)  # rounding alone
+    if len(points):
+        np.testing.assert_array_equal(places_mm[0], points_mm[0])
+
+
+def test_lone_poses_carry_their_numbers_themselves():
+    points_mm = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
+    np.testing.assert_array_equal(number_places(points_mm, gap_mm=5.0), points_mm)

@@ -29,6 +29,11 @@ class Planner(ABC):
             PlannerError: If the planner needs a belief and the situation has none.
         """
 
+    @property
+    def tells_confidence(self) -> bool:
+        """Whether the planner can tell how sure it is that nothing is left."""
+        return type(self).confidence is not Planner.confidence
+
     def confidence(self, situation: Situation) -> float:
         """How sure the planner is, from 0 to 1, that nothing is left to find or to outline; 0 if it cannot tell.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from sim.campaign.engines.engine import Engine, Outcome
 from sim.campaign.engines.factory import EngineName, make_engine
 from sim.errors import UsageError
 from sim.interrupt import NotedInterrupt
+from sim.notices import Notify, print_notice
 
 from .campaign_folder import CampaignFolder
 from .study import Study, Trial
@@ -50,6 +52,7 @@ def run_trials(
     retry_failed: bool = False,
     overwrite: bool = False,
     any_version: bool = False,
+    notify: Notify = print_notice,
 ) -> CampaignSummary:
     """Run the trials of a study that its folder does not hold yet, and write its tables.
 
@@ -63,6 +66,7 @@ def run_trials(
         retry_failed: Whether trials that failed or whose worker died are run again.
         overwrite: Whether a campaign that the folder already holds is replaced.
         any_version: Whether to go on with a campaign that another version of the code began.
+        notify: Tells what is to be known about the trials' files, each sentence once; by default on stderr.
 
     Raises:
         UsageError: Something cannot be done; what the folder held is kept.
@@ -76,7 +80,7 @@ def run_trials(
             if open_trials:
                 trials = _with_folders(open_trials, folder) if folders else open_trials
                 with make_engine(engine, n_jobs=jobs, address=address) as running:
-                    n_run = _run(running, folder, trials, interrupt)
+                    n_run = _run(running, folder, trials, interrupt, notify)
             is_interrupted = interrupt.is_set and n_run < len(open_trials)
         folder.write_tables(study)
         return CampaignSummary(
@@ -99,15 +103,23 @@ def _with_folders(trials: list[Trial], folder: CampaignFolder) -> list[Trial]:
     return [replace(trial, folder=folder.path.absolute() / "trials" / trial.name) for trial in trials]
 
 
-def _run(engine: Engine, folder: CampaignFolder, trials: list[Trial], interrupt: NotedInterrupt) -> int:
-    """Run trials, write each to the journal as it ends, and return how many ended."""
+def _run(
+    engine: Engine, folder: CampaignFolder, trials: list[Trial], interrupt: NotedInterrupt, notify: Notify
+) -> int:
+    """Run trials, write each to the journal as it ends, tell each notice once, and return how many ended."""
     n_run, n_actions = 0, 0
+    told: set[str] = set()
     n_failed = folder.journal.n_failed
     n_before = len(folder.journal)
     with tqdm(total=n_before + len(trials), initial=n_before, desc="trials", unit="trial") as progress:
         for outcome in engine.outcomes(trials):
             if outcome is not None:
                 _keep(folder, outcome)
+                for notice in outcome.result.notices:
+                    if notice not in told:
+                        with tqdm.external_write_mode(file=sys.stderr):
+                            notify(notice)
+                    told.add(notice)
                 n_run += 1
                 n_actions += outcome.result.row.get("n_sensings") or 0
                 n_failed += outcome.result.row["status"] != "finished"

@@ -93,8 +93,16 @@ class CampaignFolder(LockedFolder):
                 )
 
     def write_tables(self, study: Study) -> None:
-        """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet."""
+        """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet.
+
+        What is to be known about the trials' files goes to study.json.
+        """
         write_tables(self.path, self.journal, study)
+        entries = self.journal.entries(trial.key for trial in study.trials())
+        notices = list(dict.fromkeys(text for entry in entries for text in entry.get("notices", ())))
+        content = read_study(self.path)
+        if notices and content is not None:
+            self._write_study(content | {"notices": notices})
 
     def close(self) -> None:
         """Close the journal and unlock the folder."""

@@ -41,6 +41,11 @@ class Lookahead(Planner):
                 self.prepare_s += perf_counter() - start_s
             yield pose
 
+    @property
+    def tells_confidence(self) -> bool:
+        """Whether the planner itself can tell."""
+        return self._planner.tells_confidence
+
     def confidence(self, situation: Situation) -> float:
         """The planner's own confidence."""
         return self._planner.confidence(situation)

@@ -29,9 +29,13 @@ class TrialResult:
     traceback: str | None = None
     """Where the error of a failed trial was raised; None for a finished one."""
 
+    notices: tuple[str, ...] = ()
+    """What is to be known about the trial's files."""
+
     def entry(self, trial: Trial) -> dict[str, Any]:
         """The journal's entry of the trial."""
         more = {"traceback": self.traceback} if self.traceback else {}
+        more |= {"notices": list(self.notices)} if self.notices else {}
         parts = {"row": self.row, "timings": self.timings, "curves": self.curves}
         return {"settings": trial.settings} | parts | more
 

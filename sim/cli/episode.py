@@ -10,11 +10,12 @@ from typing import Any
 from sim.running.config import EpisodeConfig
 from sim.running.fields import read_config, without_options_of
 
-from .terminal import INTERRUPTED, aligned_lines, given_word, note, parse
+from .terminal import INTERRUPTED, aligned_lines, given_word, in_flags, note, parse, wrapped
 
 ROWS = (
     ("sensing actions", "n_sensings", "{}"),
     ("actions until 95 % of the tumour was sensed", "sensings_to_95", "{}"),
+    ("confidence of the planner that nothing is left", "confidence", "{:.1%}"),
     ("tumour sensed", "sensed_fraction", "{:.1%}"),
     ("tumour that could be sensed at all", "attainable_fraction", "{:.1%}"),
     ("AUPRC of the map", "auprc", "{:.3f}"),
@@ -34,6 +35,9 @@ TARGET_ROWS = (
     ("{}: Dice at probability 0.5", "target_dice", "{:.3f}"),
 )
 """Rows about a second class, whose name the labels begin with."""
+
+MOST_LESIONS = 12
+"""Tumours that are told one by one; findings.json has all."""
 
 Options = EpisodeConfig
 
@@ -69,20 +73,34 @@ def run(options: EpisodeConfig) -> int:
             "sounding: interrupted; the run folder holds what was done, marked unfinished.", file=sys.stderr
         )
         return INTERRUPTED
+    print(episode_account(summary))
     print(episode_table(summary))
     if options.output.report:
         print(f"open {summary['folder']}/report.html in a browser")
     return 0
 
 
-def episode_table(summary: Mapping[str, Any]) -> str:
-    """The results of an episode as an aligned table, ending with the folder that holds them."""
+def episode_account(summary: Mapping[str, Any]) -> str:
+    """What was run and what was found, tumour by tumour, why it ended and what the numbers below mean."""
+    from sim.findings.account import read_account
+
+    told = read_account(Path(summary["folder"]), summary)
     head = (
         f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
     )
-    name, rows = summary.get("target_name"), list(ROWS)
+    cells = [(each.name, each.size, each.found, each.sensed) for each in told.lesions[:MOST_LESIONS]]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  " + "   ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
+    if len(told.lesions) > MOST_LESIONS:
+        lines.append(f"  and {len(told.lesions) - MOST_LESIONS} more, in findings.json")
+    prose = [wrapped(in_flags(text)) for text in (told.ended, told.meaning) if text]
+    return "\n".join([head, "-" * len(head), *told.found, *lines, "", *prose, ""])
+
+
+def episode_table(summary: Mapping[str, Any]) -> str:
+    """The figures of an episode as an aligned table, ending with the folder that holds them."""
+    name = summary.get("target_name")
+    rows = [row for row in ROWS if row[1] != "confidence" or summary.get("confidence") is not None]
     if name is not None:
         rows[-1:-1] = [(label.format(name), key, form) for label, key, form in TARGET_ROWS]
-    return "\n".join(
-        [head, "-" * len(head), *aligned_lines(rows, summary), f"written to {summary['folder']}"]
-    )
+    return "\n".join([*aligned_lines(rows, summary), f"written to {summary['folder']}"])

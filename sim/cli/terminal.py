@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import sys
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
@@ -107,6 +108,11 @@ def _replaced(text: str, names: Iterable[str]) -> str:
 def note(text: str) -> None:
     """Print a notice on stderr, with flags."""
     print(f"note: {in_flags(text)}", file=sys.stderr)
+
+
+def wrapped(text: str) -> str:
+    """A text in lines of at most 100 characters."""
+    return textwrap.fill(text, width=100, break_long_words=False, break_on_hyphens=False)
 
 
 def aligned_lines(rows: Sequence[tuple[str, str, str]], summary: Mapping[str, Any]) -> list[str]:

@@ -15,7 +15,7 @@ from sim.errors import FieldError, UsageError
 from sim.running.fields import converted
 from sim.world.motion.settings import MotionKind
 
-from .terminal import INTERRUPTED, in_flags, parse
+from .terminal import INTERRUPTED, in_flags, note, parse
 
 if TYPE_CHECKING:
     from sim.campaign.campaign import CampaignSummary
@@ -165,4 +165,5 @@ def run_campaign(options: Options, study: Study | None = None) -> CampaignSummar
         retry_failed=options.retry_failed,
         overwrite=options.overwrite,
         any_version=options.any_version,
+        notify=note,
     )

@@ -95,8 +95,9 @@ def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None)
 
 def notes_on(folders: Sequence[Path]) -> list[str]:
     """What a reader of a comparison should know about its campaigns: that versions differ, for example."""
-    machines = [(read_study(folder) or {})["machine"] for folder in folders]
-    notes = []
+    studies = [read_study(folder) or {} for folder in folders]
+    machines = [study["machine"] for study in studies]
+    notes = list(dict.fromkeys(text for study in studies for text in study.get("notices", ())))
     for name in ("sounding", "commit", "packages", "platform"):
         if len({json.dumps(machine.get(name), sort_keys=True) for machine in machines}) > 1:
             notes.append(f"The campaigns were run with different versions: {name} differs.")

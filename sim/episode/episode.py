@@ -32,7 +32,7 @@ from sim.world.sensing.sensor import SceneState, Sensor
 from .arm_motion import make_motion_model
 from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
-from .step import SkippedPose, Step
+from .step import Ending, SkippedPose, Step
 from .target_belief import TargetBelief, checked_prediction, draws_of
 from .truth import Truth, make_truth
 
@@ -115,6 +115,8 @@ class Episode:
         self.readings: list[LabelledPoints] = []
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
+        self.ended_by: Ending | None = None
+        self._confidence: dict[tuple[int, int], float] = {}
 
     def steps(
         self,
@@ -136,17 +138,23 @@ class Episode:
         for number in range(1, n_steps + 1):
             step = self._sense_once(number, on_skipped)
             if step is None:
+                self.ended_by = "no_pose_left"
                 return
-            yield step
             score = step.target if self._plans_for_target and step.target else step
+            self.ended_by = "steps" if number == n_steps else None
             if until_sensed is not None and (score.sensed_fraction or 0.0) >= until_sensed:
-                return
-            if until_confident is not None and self.confidence() >= until_confident:
+                self.ended_by = "sensed"
+            elif until_confident is not None and self.confidence() >= until_confident:
+                self.ended_by = "confident"
+            yield step
+            if self.ended_by:
                 return
 
     def confidence(self) -> float:
         """How sure the planner is, from what is known so far, that nothing is left to find or outline."""
-        return self.planner.confidence(self._situation())
+        if (known := (len(self.sensed), len(self.skipped))) not in self._confidence:
+            self._confidence = {known: self.planner.confidence(self._situation())}
+        return self._confidence[known]
 
     def metrics(self) -> MapMetrics | None:
         """The scores of the present map against the truth."""

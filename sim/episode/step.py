@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from sim.world.ik.result import IkResult
 from sim.world.sensing.reading import Reading
 
 from .motion import Motion
 from .target_belief import TargetScore
+
+Ending = Literal["steps", "sensed", "confident", "no_pose_left"]
+"""What ends an episode: all its steps are done, enough is sensed, the planner is sure, or the arm reaches no more."""
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from sim.episode.measures import SENSED_GOAL
 from sim.record.map_field import called_from
 from sim.record.run_record import RunRecord
 from sim.world.solids.solid import Solid
+from sim.world.solids.surface_distance import closest_points_on_triangles
 
 from .components import Pieces, grid_around
 from .mapped_surface import Overlap, overlap, surface_gap, surface_of
@@ -49,6 +50,13 @@ class TumourFinding:
     """95th percentile of the distances between the two surfaces, the larger of both ways."""
     surface: Solid | None = None
     """The mapped surface, world frame [m]."""
+    depth_m: float
+    """Distance from its centre to the organ's surface."""
+
+    @property
+    def diameter_m(self) -> float:
+        """The diameter of a ball of its volume."""
+        return float(np.cbrt(6.0 * self.true_volume_m3 / np.pi))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,13 +130,20 @@ def _tumour(
         first_mapped_step=None,
         sensed_fraction=float(seen_share[-1]) if len(seen_share) else None,
         true_volume_m3=solid.volume_m3,
-        true_centroid_m=centroid_m(solid),
+        true_centroid_m=(centre_m := centroid_m(solid)),
+        depth_m=_depth_m(record.anatomy.organ, centre_m),
     )
     if pieces is None:
         return finding
     cells = pieces.field.nearest(record.detection_points_m[of_tumour])
     finding = dataclasses.replace(finding, first_mapped_step=_first_mapped(record, pieces, cells))
     return _with_surface(finding, solid, index, pieces) if finding.is_found else finding
+
+
+def _depth_m(organ: Solid, point_m: NDArray[np.float64]) -> float:
+    corners_m = organ.vertices_m[organ.faces]
+    closest_m = closest_points_on_triangles(np.broadcast_to(point_m, (len(corners_m), 3)), corners_m)
+    return float(np.linalg.norm(closest_m - point_m, axis=1).min())
 
 
 def _with_surface(finding: TumourFinding, solid: Solid, index: int, pieces: Pieces) -> TumourFinding:

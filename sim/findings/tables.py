@@ -43,7 +43,8 @@ def tumour_row(finding: TumourFinding | None) -> dict[str, Any]:
     row |= {name: getattr(overlap, name, None) for name in ("centroid_error_m", "dice")}
     row |= {name: getattr(finding, name, None) for name in ("surface_mean_m", "surface_hausdorff95_m")}
     row |= _place("true_centroid", finding.true_centroid_m if finding else None)
-    return row | _place("mapped_centroid", overlap.mapped_centroid_m if overlap else None)
+    row |= _place("mapped_centroid", overlap.mapped_centroid_m if overlap else None)
+    return row | {f"true_{name}": getattr(finding, name, None) for name in ("diameter_m", "depth_m")}
 
 
 def false_row(finding: FalseFinding | None) -> dict[str, Any]:

@@ -110,7 +110,9 @@ def study_arm(
     start_s = perf_counter()
     search = workcell.make_search(IkSettings(max_restarts=settings.max_restarts, start_seed=settings.seed))
     with RunFolder(out, overwrite=settings.overwrite) as folder:
-        folder.begin(_config(settings, workcell), {"seed": settings.seed})
+        folder.begin(
+            _config(settings, workcell) | {"notices": list(workcell.notices)}, {"seed": settings.seed}
+        )
         for notice in workcell.notices:
             notify(notice)
         study = study_reach(

@@ -67,6 +67,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "contact_force_n": step.motion.contact_force_n,
         "peak_force_n": step.motion.peak_force_n,
         **{name: getattr(step, name) for name in ACTION_SECONDS},
+        **({"confidence": episode.confidence()} if episode.planner.tells_confidence else {}),
     }
 
 

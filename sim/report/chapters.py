@@ -12,13 +12,15 @@ from scipy.special import expit
 
 from mapping import average_precision, precision_recall_curve
 from sim.episode.measures import SENSED_GOAL
+from sim.findings.account import account
 from sim.findings.findings import Findings
+from sim.findings.tables import finding_summary
 from sim.record.run_record import RunRecord
 
 from .charts import curve_chart, progress_chart, reliability, reliability_chart
 from .finding_rows import finding_rows
 
-ONE_OF_THREE, ONE_OF_FOUR = 150.0, 102.0
+ONE_OF_THREE, ONE_OF_FOUR = 104.0, 72.0
 """Heights of a chart beside the view, where three or four charts share the height of the view."""
 STATUS = {
     "finished": "",
@@ -30,11 +32,14 @@ STATUS = {
 
 def chapters(record: RunRecord, findings: Findings) -> dict[str, Any]:
     """What the template of a run's page shows, as plain values and SVG text."""
+    told = account(record.summary, record.options, finding_summary(findings))
     return {
         "title": title(record),
         "lede": _lede(record),
         "status": STATUS.get(str(record.manifest.get("status")), ""),
-        "figures": _key_figures(record, findings),
+        "account": told,
+        "notices": list(record.config.get("notices", ())),
+        "figures": _key_figures(record),
         "progress": _progress(record),
         "readings": _readings(record),
         "quality": _quality(record),
@@ -62,17 +67,14 @@ def _lede(record: RunRecord) -> str:
     return f"{n} {actions} with {positioner}, seed {record.options['seed']}. {version}, {day}."
 
 
-def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]:
+def _key_figures(record: RunRecord) -> list[tuple[str, str]]:
     """The names and values of what a reader wants to know first."""
     sensed, auprc = record.numbers("sensed_fraction"), record.numbers("auprc")
     reached = np.flatnonzero(sensed >= SENSED_GOAL)
     figures = []
-    if record.field is not None and findings.tumours:
-        figures.append(("tumours found", f"{findings.n_found} of {len(findings.tumours)}"))
-        figures.append(("false findings", str(len(findings.false))))
-    if findings.target is not None and record.target is not None and record.target.field is not None:
-        found, name = findings.target, record.target.anatomy.name
-        figures.append((f"{name} found", f"{found.n_found} of {len(found.tumours)}"))
+    confidence = record.summary.get("confidence")
+    if confidence is not None:
+        figures.append(("planner’s confidence", _share(float(confidence))))
     figures.append(("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan)))
     figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
     if record.field is not None:
@@ -104,9 +106,7 @@ def _progress(record: RunRecord) -> list[dict[str, str]]:
         ("auprc", "AUPRC of the map", "area under the precision-recall curve",
          progress_chart("auprc", record.numbers("auprc"), colour="map", y_top=1.0, digits=3, height=height,
                         label="AUPRC of the map over the sensing actions")),
-        ("improvement", "Expected improvement", "the highest that any point still promises, in the latent’s unit",
-         progress_chart("improvement", record.numbers("expected_improvement"), colour="probe", height=height,
-                        label="Highest expected improvement after each sensing action")),
+        _goes_by(record, height),
     ]  # fmt: skip
     if target is not None:
         title = f"AUPRC of the map of {target.anatomy.name}"
@@ -114,6 +114,20 @@ def _progress(record: RunRecord) -> list[dict[str, str]]:
                              height=height, label=f"{title} over the sensing actions")  # fmt: skip
         charts.insert(2, ("target", title, "area under its precision-recall curve", svg))
     return [{"name": n, "title": t, "note": note, "svg": svg} for n, t, note, svg in charts if svg]
+
+
+def _goes_by(record: RunRecord, height: float) -> tuple[str, str, str, str]:
+    """The curve of what the planner goes by: its confidence, or the expected improvement where it has none."""
+    confidence = record.numbers("confidence")
+    if np.isfinite(confidence).any():
+        goal = record.options.get("until_confident")
+        asked = "" if goal is None else f"; it may stop at {float(goal):.0%}"
+        svg = progress_chart("confidence", confidence, colour="probe", y_top=1.0, is_percent=True, target=goal,
+                             height=height, label="Confidence of the planner after each sensing action")  # fmt: skip
+        return "confidence", "Planner’s confidence", f"that nothing is left to find or outline{asked}", svg
+    svg = progress_chart("improvement", record.numbers("expected_improvement"), colour="probe", height=height,
+                         label="Highest expected improvement after each sensing action")  # fmt: skip
+    return "improvement", "Expected improvement", "the highest that any point still promises (latent’s unit)", svg
 
 
 def _readings(record: RunRecord) -> list[dict[str, str]]:

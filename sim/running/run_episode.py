@@ -164,9 +164,11 @@ def record_episode(
         if output.frames != "none":
             renderer = stack.enter_context(frame_renderer(episode))
         folder = stack.enter_context(RunFolder(output.folder, overwrite=output.overwrite))
-        folder.begin(run_config(parts, setup, output.options, output.cannot_repeat), {"seed": parts.seed})
+        notices = list(dict.fromkeys((*setup.notices, *episode.truth.anatomy.notices)))
+        config = run_config(parts, setup, output.options, output.cannot_repeat) | {"notices": notices}
+        folder.begin(config, {"seed": parts.seed})
         write_anatomy(folder, episode.truth.anatomy)
-        for notice in (*setup.notices, *episode.truth.anatomy.notices) if show_progress else ():
+        for notice in notices if show_progress else ():
             notify(notice)
         run = _EpisodeRun(parts, output, folder, episode, EpisodeFrames(folder.path, episode, renderer))
         interrupt = stack.enter_context(NotedInterrupt())
@@ -230,7 +232,7 @@ class _EpisodeRun:
                 write_step(self._folder, self._episode, step)
                 if draws_each:
                     self._frames.draw(f"{step.step:04d}.png", step)
-                progress.set_postfix_str(_postfix(step), refresh=False)
+                progress.set_postfix_str(_postfix(step, self._episode), refresh=False)
                 progress.update()
                 if interrupt.is_set:
                     raise KeyboardInterrupt
@@ -259,6 +261,9 @@ class _EpisodeRun:
         summary |= {
             "folder": str(folder.path),
             "status": self._status,
+            "ended_by": episode.ended_by,
+            # A planner that cannot tell is not one that is not sure.
+            "confidence": summary["confidence"] if episode.planner.tells_confidence else None,
             "setup_s": setup_s,
             "render_s": self._frames.draw_s,
             "wall_s": perf_counter() - start_s,
@@ -286,7 +291,8 @@ class _EpisodeRun:
         write_own_maps(self._folder, self._episode)  # last: it is the user's code, and may raise
 
 
-def _postfix(step: Step) -> str:
+def _postfix(step: Step, episode: Episode) -> str:
     auprc = "–" if step.auprc is None else f"{step.auprc:.2f}"
     sensed = "–" if step.sensed_fraction is None else f"{step.sensed_fraction:.0%}"
-    return f"AUPRC {auprc}, sensed {sensed}"
+    sure = f", sure {episode.confidence():.0%}" if episode.planner.tells_confidence else ""
+    return f"AUPRC {auprc}, sensed {sensed}{sure}"

@@ -1,0 +1,138 @@
+"""The account of a run in plain sentences: which tumours were found, why it ended, and what its numbers mean.
+
+It is made of what summary.json, config.json and findings.json hold, so that the terminal and the page say the same.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .tables import FINDINGS
+
+MEANING = (
+    "Sensed is how much of the tumours' volume lay in some cone, and AUPRC how well the map tells tumour from healthy "
+    "tissue in the whole organ (1 is perfect): the map fills in what lies between and beside the cones, so it can be "
+    "nearly right while much of a tumour was never sensed."
+)
+PAPER_PLANNER = "expected-improvement"
+PAPER = (
+    f"{PAPER_PLANNER} is the paper's planner, which `make episode` runs so that its results can be held against the "
+    "paper's: it goes where tumour is likely and does not outline what it found, as find-and-outline does."
+)
+
+
+@dataclass(frozen=True)
+class Lesion:
+    """One true tumour, or body of a second class, as a person is told of it."""
+
+    name: str
+    size: str
+    """Its diameter and depth."""
+    found: str
+    """`found`, `missed`, or empty without a map."""
+    sensed: str
+    """The share that was sensed."""
+
+
+@dataclass(frozen=True)
+class Account:
+    """What a person wants to know first."""
+
+    found: tuple[str, ...]
+    """How many were found of how many, and how many false findings there are; a text for each class."""
+    lesions: tuple[Lesion, ...]
+    ended: str
+    """Why the run ended; empty where it did not by itself."""
+    meaning: str
+    """What the numbers mean, and where the paper's planner ran, why it did; empty without tumours."""
+
+
+def read_account(folder: Path, summary: Mapping[str, Any]) -> Account:
+    """The account of a run that has just ended.
+
+    Args:
+        folder: The run's folder.
+        summary: What its summary.json holds.
+    """
+    config, findings = (
+        json.loads((folder / name).read_text(encoding="utf-8")) for name in ("config.json", FINDINGS)
+    )
+    return account(summary, config["options"], findings)
+
+
+def account(summary: Mapping[str, Any], options: Mapping[str, Any], findings: Mapping[str, Any]) -> Account:
+    """The account of a run.
+
+    Args:
+        summary: What summary.json holds; empty for a run that was killed.
+        options: The options in config.json.
+        findings: What findings.json holds.
+    """
+    planner = str(summary.get("planner", options["planner"]))
+    found, lesions = [_found(findings, "tumour")], _lesions(findings, "tumour", "tumour")
+    if (target := findings.get("target")) is not None:
+        name = str(summary.get("target_name", "target"))
+        found.append(_found(target, "target", name))
+        lesions += _lesions(target, "target", name)
+    meaning = f"{MEANING} {PAPER}" if planner == PAPER_PLANNER else MEANING
+    has_map = any(lesion.found for lesion in lesions)
+    return Account(tuple(found), tuple(lesions), _ended(summary, options), meaning if has_map else "")
+
+
+def _found(findings: Mapping[str, Any], key: str, name: str | None = None) -> str:
+    """How many bodies of a class were found."""
+    n, rows = findings[f"n_{key}s"], findings[f"{key}s"]
+    what = f"{name or key}{'' if n == 1 or name else 's'}"
+    n_false = findings["n_false_findings"]
+    false = "no false finding" if not n_false else f"{n_false} false finding{'' if n_false == 1 else 's'}"
+    if n == 0:
+        return f"no {what} in this organ, {false}"
+    if rows[0]["is_found"] is None:
+        return f"{n} {what}; no map was kept that could find {'it' if n == 1 else 'them'}"
+    return f"{findings[f'n_{key}s_found']} of {n} {what} found, {false}"
+
+
+def _lesions(findings: Mapping[str, Any], key: str, name: str) -> list[Lesion]:
+    return [
+        Lesion(
+            name=f"{name} {row[key]}",
+            size=f"{row['true_diameter_m'] * 1e3:.0f} mm across, centre {row['true_depth_m'] * 1e3:.0f} mm deep",
+            found={True: "found", False: "missed", None: ""}[row["is_found"]],
+            sensed="" if row["sensed_fraction"] is None else f"{row['sensed_fraction']:.0%} sensed",
+        )
+        for row in findings[f"{key}s"]
+    ]
+
+
+def _ended(summary: Mapping[str, Any], options: Mapping[str, Any]) -> str:
+    """Why a run ended, with the planner's confidence where it has one."""
+    confidence, n = summary.get("confidence"), summary.get("n_sensings")
+    actions = f"{n} action{'' if n == 1 else 's'}"
+    sure = "" if confidence is None else f"the planner was {confidence:.1%} sure that {_claim(options)}"
+    also = f"; {sure}" if sure else ""
+    match summary.get("ended_by"):
+        case "steps":
+            return f"It ended after {actions}, as many as `steps` allows{also}."
+        case "sensed":
+            goal = float(options["until_sensed"])
+            return (
+                f"It ended after {actions}, with the {goal:.0%} sensed that `until_sensed` asked for{also}."
+            )
+        case "confident":
+            goal = float(options["until_confident"])
+            return f"It ended after {actions}, because {sure}; `until_confident` asked for {goal:.0%}."
+        case "no_pose_left":
+            return f"It ended after {actions}, because no pose was left that could be taken{also}."
+    return ""
+
+
+def _claim(options: Mapping[str, Any]) -> str:
+    """What a planner's confidence is about."""
+    radius_mm = options.get("sure_radius_mm")
+    if options["planner"] != "find-and-outline" or radius_mm is None:
+        return "nothing is left to find or outline"
+    return f"no tumour of {float(radius_mm):g} mm radius or more is left to find where a cone can look, or to outline"

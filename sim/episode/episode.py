@@ -14,7 +14,6 @@ from mapping import (
     LabelledPoints,
     MapMetrics,
     MapSettings,
-    MapSpace,
     Prediction,
     TumourMap,
     TumourMapFactory,
@@ -285,16 +284,7 @@ class Episode:
         """A map before any reading, on the setup's lattices."""
         if make is None:
             return None
-        setup = self.setup
-        space = MapSpace(
-            hinges=setup.hinges,
-            hinge_mask=setup.hinge_mask,
-            query=setup.query,
-            is_inside=setup.is_inside,
-            settings=self._map_settings,
-            insets=insets,
-        )
-        return make(space)
+        return make(self.setup.map_space(self._map_settings, insets))
 
     def _predict(self) -> None:
         if self.tumour_map is not None:

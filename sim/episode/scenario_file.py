@@ -94,10 +94,10 @@ def _check_of_named_organ(organ: str, files: CaseFiles) -> None:
     """Check that keys about files may stand beside an organ that Sounding brings along, which has no files."""
     # A scenario checks what is said of its files.
     Scenario(files=files)
-    if files.has_targets:
-        raise UsageError(
-            f"target_files, target_labels: go with an organ's own file, not with organ={organ!r}."
-        )
+    held = [key for key, field in FILE_KEYS.items() if getattr(files, field)]
+    held += [key for key, field in LABEL_KEYS.items() if getattr(files.labels, field)]
+    if held:
+        raise UsageError(f"{', '.join(held)}: go with an organ's own file, not with organ={organ!r}.")
 
 
 def _without_organ(values: dict[str, Any]) -> dict[str, Any]:

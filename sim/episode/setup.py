@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping import Lattice, MapSettings
+from mapping import InsetSettings, Lattice, MapSettings, MapSpace
 from planner import Cone, Workspace, visible_points
 from sim.world.anatomy.anatomy import build_anatomy
 from sim.world.anatomy.case_files import CaseFiles
@@ -18,7 +18,7 @@ from sim.world.anatomy.paper_organ import paper_organ
 from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, pose_matrix, put_at_pose, turned
 from sim.world.anatomy.structures import Structure, is_pressable
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
-from sim.world.errors import MeshError
+from sim.world.errors import AnatomyError, MeshError
 from sim.world.scene.arm import MODELS_DIR, ArmModel
 from sim.world.scene.base_room import check_base_room
 from sim.world.scene.scene import Scene, build_scene
@@ -36,6 +36,8 @@ GENERATOR_STREAM = 1
 """Number that keeps the draws of a generated liver apart from those of the seed's tumours."""
 HINGE_REACH = 2.0
 """Hinges farther than this many spacings from the organ are dropped: they add under 0.1 % to a variance inside."""
+LEAST_SCORED_POINTS = 50
+"""With fewer points of the query lattice in the organ no share or curve of the map means anything."""
 PAPER_QUERY = (22, 22, 13)
 """The paper's 6,292 query points on the box of its synthetic organ; the hinges there are 17 x 17 x 10."""
 
@@ -91,6 +93,22 @@ class Setup:
         filled[self.is_inside] = values
         return filled.reshape(self.query.shape)
 
+    def map_space(self, settings: MapSettings, insets: InsetSettings | None) -> MapSpace:
+        """What a map of this setup is made for.
+
+        Args:
+            settings: What the map assumes.
+            insets: Settings of finer maps; None for none.
+        """
+        return MapSpace(
+            hinges=self.hinges,
+            hinge_mask=self.hinge_mask,
+            query=self.query,
+            is_inside=self.is_inside,
+            settings=settings,
+            insets=insets,
+        )
+
 
 def build_setup(
     scenario: Scenario, arm: ArmModel | None = None, map_settings: MapSettings | None = None
@@ -120,6 +138,7 @@ def build_setup(
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())
     search_points_m = query.points_m()[is_inside]
+    _check_scored(len(search_points_m), scenario)
     return Setup(
         scenario=scenario,
         organ=organ,
@@ -143,6 +162,20 @@ def build_setup(
         surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
         notices=(*notices, *scene.notices),
     )
+
+
+def _check_scored(n_points: int, scenario: Scenario) -> None:
+    """Nothing, if a map of the organ has enough points to be one.
+
+    Raises:
+        AnatomyError: It has not.
+    """
+    if n_points < LEAST_SCORED_POINTS:
+        raise AnatomyError(
+            f"only {n_points} points of the lattice of {scenario.score_spacing_m * 1e3:g} mm on which the map is "
+            f"scored lie in the organ, at least {LEAST_SCORED_POINTS} must; check the unit of its file, or lower "
+            "`score_spacing_m` in a scenario file"
+        )
 
 
 def _empty_scene(scenario: Scenario, placed: PlacedOrgan, cone: Cone, arm: ArmModel | None) -> Scene:

@@ -21,8 +21,9 @@ LIVER = """
     liver leber foie higado fegato figado lever watrob karaciger печен 肝 간 hepar parenchym паренхим
 """
 
+ANY_ORGAN = "organ orgaan organe organo organi organu орган 臓器 器官 장기"
+
 OTHER_ORGANS = """
-    organ orgaan organe organo organi organu орган 臓器 器官 장기
     kidney niere rein reins rinon rinones rene reni rim rins nier nieren nerka nerki bobrek почк 肾 腎 신장 콩팥 renal
     pancreas pankreas trzustk поджелуд 胰 膵 췌장
     spleen milz rate bazo milza baco milt sledzion dalak селезен 脾 비장
@@ -89,7 +90,7 @@ VOCABULARY: dict[Meaning, tuple[str, ...]] = {
     "vessel": _words(VESSELS),
     "part": _words(PARTS),
     "liver": _words(LIVER),
-    "other organ": _words(OTHER_ORGANS),
+    "other organ": _words(f"{ANY_ORGAN} {OTHER_ORGANS}"),
 }
 """Words by meaning, in the order in which the meanings take precedence."""
 
@@ -100,6 +101,12 @@ def meaning_of(name: str) -> Meaning | None:
     """What a name says, None if nothing that is known."""
     found = _meanings(fold(name))
     return next((meaning for meaning in VOCABULARY if meaning in found), None)
+
+
+def is_no_liver(name: str) -> bool:
+    """Whether a name is that of an organ other than the liver; one called just an organ may be a liver."""
+    folded = fold(name)
+    return meaning_of(name) == "other organ" and any(_holds(folded, word) for word in _words(OTHER_ORGANS))
 
 
 def _meanings(folded: str) -> set[Meaning]:

@@ -164,7 +164,7 @@ def joined_with_organ(
         bodies: The bodies with their names, in the same frame.
         noun: What they are.
     """
-    left_out = [(name, body) for name, body in bodies if _is_left_out(organ, body)]
+    left_out = [(name, body) for name, body in bodies if is_left_out(organ, body)]
     if not left_out:
         return organ, []
     said = [
@@ -174,7 +174,7 @@ def joined_with_organ(
     return _drawn_together(organ, [body for _, body in left_out]), said
 
 
-def _is_left_out(organ: Solid, body: Solid) -> bool:
+def is_left_out(organ: Solid, body: Solid) -> bool:
     """Whether a body lies mostly outside an organ, touches it and is smaller."""
     if body.volume_m3 >= organ.volume_m3:
         return False

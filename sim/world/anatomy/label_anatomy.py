@@ -11,8 +11,10 @@ from scipy.ndimage import binary_erosion, find_objects
 from scipy.spatial import KDTree
 
 from sim.world.errors import MeshError, VolumeError
-from sim.world.meshes.meshes import remarks_on_size
+from sim.world.meshes.bodies import LEAST_DIAMETER_M
 from sim.world.meshes.pieces import LEAST_SHARE, Piece, PieceError, keep_pieces
+from sim.world.meshes.sizes import remarks_on_size
+from sim.world.names import is_no_liver, meaning_of
 from sim.world.solids.solid import Solid
 from sim.world.volumes.grid import remarks_on_lost_header
 from sim.world.volumes.label_coding import Coding, describe_labels
@@ -34,8 +36,8 @@ LEAST_ORGAN_SHARE = 0.5
 MOST_OF_ORGAN = 0.9
 """Where the largest piece holds less than half, the pieces that are no debris must hold this share together."""
 
-LEAST_TUMOUR_DIAMETER_M = 3e-3
-"""Smaller pieces of a tumour label are taken for noise of the outline [m]."""
+LEAST_TUMOUR_DIAMETER_M = LEAST_DIAMETER_M
+"""Smaller pieces of a tumour label are taken for noise of the outline, as bodies of a mesh are [m]."""
 
 MOST_TUMOURS = 50
 """Tumours kept, the largest first."""
@@ -89,17 +91,29 @@ def anatomy_of(volume: Volume, coding: Coding, path: object, *, piece: str | Non
     if _touches_end(mask, box, volume):
         notices.append("the organ is cut off at the end of the scan and closed with a flat face there")
     organ = _surface(filled(mask), T, ORGAN_SURFACE, path, "the organ")
-    on_size = remarks_on_size(organ.volume_m3, "organ")
+    name = _called(volume, coding)
+    on_size = remarks_on_size(organ.volume_m3, name)
     numbers = [
         tuple(volume.numbers_of((each,)) for each in kind) for kind in (coding.tumours, coding.targets)
     ]
     tumours = _tumours(labels, T, mask, numbers[0], "tumour", path, notices)
     targets = _tumours(labels, T, mask, numbers[1], "target", path, notices)
     structures = _structures(volume, coding, organ, path, notices)
-    notices += [*on_size, *remarks_on_lost_header(volume, mask, is_implausible=bool(on_size))]
+    notices += on_size
+    # A liver's shape tells what a lost header said; another organ's does not.
+    if not is_no_liver(name):
+        notices += remarks_on_lost_header(volume, mask, is_implausible=bool(on_size))
     return LabelledAnatomy(
         organ=organ, tumours=tumours, targets=targets, structures=structures, notices=notices
     )
+
+
+def _called(volume: Volume, coding: Coding) -> str:
+    """What the file calls the organ: its label's name, or the file's own."""
+    names = [volume.label_names.get(label, "") for label in coding.organ]
+    known = [name for name in names if meaning_of(name)]
+    liver = [name for name in known if meaning_of(name) == "liver"]
+    return (*liver, *known, volume.name.split(".")[0])[0]
 
 
 def _organ_pieces(
@@ -188,8 +202,11 @@ def _tumours(
     is_there, is_inside = sizes > 0, inside > 0
     _count(notices, is_there & ~is_inside, "outside the organ {} dropped", noun)
     is_large = diameters_m >= LEAST_TUMOUR_DIAMETER_M
-    small = f"under {LEAST_TUMOUR_DIAMETER_M * 1e3:g} mm across {{}} taken for noise and dropped"
-    _count(notices, is_there & is_inside & ~is_large, small, noun)
+    is_small = is_there & is_inside & ~is_large
+    if is_small.any():
+        size = f"of up to {diameters_m[is_small].max() * 1e3:.2g} mm across"
+        least = f"as all under {LEAST_TUMOUR_DIAMETER_M * 1e3:g} mm are"
+        _count(notices, is_small, f"{size} {{}} taken for noise of the outline and dropped, {least}", noun)
     kept = np.flatnonzero(is_there & is_inside & is_large)
     kept = kept[np.argsort(-sizes[kept], kind="stable")]
     if len(kept) > MOST_TUMOURS:

@@ -8,34 +8,30 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
-import trimesh
+from typing import TYPE_CHECKING, Any
 
 from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.bodies import separate_solids
-from sim.world.meshes.meshes import load_bodies, load_mesh, load_surface
+from sim.world.meshes.meshes import load_mesh, load_surface
 from sim.world.meshes.pieces import is_piece_name
 from sim.world.names import fold
 from sim.world.solids.solid import Solid
 from sim.world.volumes.files import is_volume, load_volume
-from sim.world.volumes.label_coding import CODINGS, Coding, LabelChoice, describe_labels
+from sim.world.volumes.label_coding import LabelChoice, describe_labels
 from sim.world.volumes.label_meaning import coding_of
-from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of, tumour_surface
-from sim.world.volumes.masks import box_of, label_pieces
+from sim.world.volumes.label_surface import STRUCTURE_SURFACE, surface_of
+from sim.world.volumes.masks import box_of
 from sim.world.volumes.volume import Volume, shifted
 
 from .anatomy import joined_with_organ
 from .case_files import CaseFiles
-from .label_anatomy import MOST_TUMOURS, LabelledAnatomy, anatomy_of
+from .given.bodies import BodyKind, given_bodies, solid_of
+from .given.whereabouts import check_organ_extent, remarks_on_distance
+from .label_anatomy import LabelledAnatomy, anatomy_of
 from .structures import Structure
 
 if TYPE_CHECKING:
     from .case_files import Body
-
-BodyKind = Literal["tumour", "target"]
-"""What is mapped in an organ: tumours, or the bodies of a second class."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,8 +75,9 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     else:
         found = _from_mesh(files, notices)
         _refuse_labels(files)
-    tumours, tumour_names = _with_files(found.tumours, "tumour", files, notices)
-    targets, target_names = _with_files(found.targets, "target", files, notices)
+    check_organ_extent(found.organ, organ_name(files), _remedy_for_extent(files))
+    tumours, tumour_names = _with_files(found, "tumour", files, notices)
+    targets, target_names = _with_files(found, "target", files, notices)
     if not targets and (files.targets or files.labels.targets):
         raise VolumeError(
             f"{organ_name(files)}: nothing is left of the target class ({'; '.join(notices)}); pass another "
@@ -93,6 +90,7 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
     structures = list(found.structures)
     structures += [_structure(file, files, notices, is_keepout=False) for file in files.structures]
     structures += [_structure(file, files, notices, is_keepout=True) for file in files.keepouts]
+    notices += remarks_on_distance(tuple(structures), organ)
     return LoadedAnatomy(
         organ=organ,
         tumours=tumours,
@@ -105,46 +103,27 @@ def load_anatomy(files: CaseFiles, *, volume: Volume | None = None) -> LoadedAna
 
 
 def _with_files(
-    found: tuple[Solid, ...], role: BodyKind, files: CaseFiles, notices: list[str]
+    found: LabelledAnatomy, role: BodyKind, files: CaseFiles, notices: list[str]
 ) -> tuple[tuple[Solid, ...], tuple[str, ...]]:
-    """The tumours or targets that the organ's volume holds and those in files of their own, and their names."""
-    solids = list(found)
+    """The tumours or targets that the organ's file holds and those in files of their own, and their names."""
+    solids = list(found.tumours if role == "tumour" else found.targets)
     names = [f"{organ_name(files)}: {role} {i + 1}" for i in range(len(solids))]
-    for number, body in enumerate(files.tumours if role == "tumour" else files.targets, start=1):
-        if not isinstance(body, str):
-            solids.append(solid_of(body, role))
-            names.append(f"{role} {number}")
-            continue
-        held = _solids_of(body, role, files, notices)
-        solids += held
-        names += [body] if len(held) == 1 else [f"{body}: {role} {i + 1}" for i in range(len(held))]
-    return tuple(solids), tuple(names)
+    given = given_bodies(role, files, found.organ, notices)
+    return (*solids, *(each.solid for each in given)), (*names, *(each.name for each in given))
+
+
+def _remedy_for_extent(files: CaseFiles) -> str:
+    """What to do where the organ is too small or too large to be one."""
+    if not isinstance(files.organ, str):
+        return "a surface in memory is in metres"
+    if is_volume(files.organ):
+        return "pass the scan's own spacing as `spacing_mm` X Y Z, or another `organ_label`"
+    return "check the unit of its coordinates (`unit`)"
 
 
 def organ_name(files: CaseFiles) -> str:
     """What to call the organ in messages: its file's name."""
     return Path(files.organ).name if isinstance(files.organ, str) else "the organ in memory"
-
-
-def solid_of(body: Solid | trimesh.Trimesh, role: str) -> Solid:
-    """A surface in memory as a solid.
-
-    Args:
-        body: A solid, or a closed mesh whose faces look outward [m].
-        role: What it is, for messages.
-
-    Raises:
-        MeshError: The mesh is not closed, or its faces look inward.
-    """
-    if isinstance(body, Solid):
-        return body
-    if not body.is_volume:
-        raise MeshError(
-            f"the {role} in memory: is not a closed surface with its faces outward; call "
-            "trimesh.repair.fill_holes and trimesh.repair.fix_normals on it, or save it and name the file, which is "
-            "repaired when it is read"
-        )
-    return Solid.from_trimesh(body)
 
 
 def _from_mesh(files: CaseFiles, notices: list[str]) -> LabelledAnatomy:
@@ -183,9 +162,14 @@ def _choice(files: CaseFiles, volume: Volume) -> tuple[LabelChoice, str | None]:
     Raises:
         VolumeError: There is no label of that name.
     """
-    name = files.organ_object
+    name, labels = files.organ_object, files.labels
+    if any(map(is_label_volume, files.tumours)):
+        # The others are those of the tumours' own files.
+        labels = replace(labels, tumours=tuple(each for each in labels.tumours if each in volume.counts))
+    if any(map(is_label_volume, files.targets)):
+        labels = replace(labels, targets=tuple(each for each in labels.targets if each in volume.counts))
     if name is None or is_piece_name(name):
-        return files.labels, name
+        return labels, name
     named = [label for label, each in volume.label_names.items() if fold(each) == fold(name)]
     if not named or files.labels.organ:
         raise VolumeError(
@@ -194,7 +178,7 @@ def _choice(files: CaseFiles, volume: Volume) -> tuple[LabelChoice, str | None]:
             if not named
             else f"{files.organ}: `organ_label` and `organ_object` both name the organ; leave one out"
         )
-    return replace(files.labels, organ=tuple(named)), None
+    return replace(labels, organ=tuple(named)), None
 
 
 def reading_of(files: CaseFiles) -> dict[str, Any]:
@@ -223,28 +207,6 @@ def _refuse_labels(files: CaseFiles) -> None:
             f"{files.organ}: labels go with a label volume (.nii, .nii.gz, .nrrd), and this is a mesh; give "
             "tumours as `tumour` FILE, targets as `target` FILE, structures as `structure` FILE or `keepout` FILE"
         )
-
-
-def _solids_of(file: str, role: BodyKind, files: CaseFiles, notices: list[str]) -> list[Solid]:
-    """The tumour or target of a mesh, or the pieces of a label volume."""
-    if not is_volume(file):
-        solids, said = load_bodies(file, files.unit, role=role, frame=files.frame)
-        notices += said
-        return list(solids)
-    volume = load_volume(file, **reading_of(files))
-    notices += volume.notices
-    coded = CODINGS.get(files.labels.coding, Coding(organ=())).tumours
-    wanted = files.labels.targets if role == "target" else files.labels.tumours or coded
-    wanted = tuple(each for each in wanted if each in volume.counts) or tuple(volume.counts)
-    pieces, sizes = label_pieces(volume.labels, [volume.numbers_of((each,)) for each in wanted])
-    solids = []
-    for piece in np.argsort(-sizes[1:], kind="stable")[:MOST_TUMOURS] + 1:
-        diameter_m = float(np.cbrt(6.0 * sizes[piece] * volume.voxel_volume_m3 / np.pi))
-        box = box_of(pieces == piece)
-        solids.append(
-            surface_of(pieces[box] == piece, shifted(volume.T_lps_voxel, box), tumour_surface(diameter_m))
-        )
-    return solids
 
 
 def _structure(file: str, files: CaseFiles, notices: list[str], *, is_keepout: bool) -> Structure:

@@ -15,6 +15,9 @@ N_NEIGHBOURS = 10
 MAX_TILT_RAD = np.deg2rad(60.0)
 """A face counts as upper if its outward normal is this close to +z: an arm above can hardly press others."""
 
+LEAN_RAD = np.deg2rad(1.0)
+"""A fitted plane that is steeper than the limit by no more leans back to it: planes are fitted to some degrees."""
+
 LIFT_M = 1e-6
 """How far above the face the view towards +z starts [m], so that the face does not hide itself."""
 
@@ -79,20 +82,21 @@ def upper_surface_workspace(
 
     A face belongs to it if its outward normal is within `max_tilt_rad` of +z and nothing of the solid is
     above it. Positions are a Poisson-disc sample: random points of that part, in random order, each kept if
-    no kept one is near.
+    no kept one is near. Normals are those of planes fitted to neighbours, and the limit holds for them as well: a
+    position whose plane is steeper, as at a rim or on a knob, is left out.
 
     Args:
         solid: The organ, in a frame with z up.
-        n_poses: Number of positions wanted; the result has within a few per cent of it.
+        n_poses: Number of positions wanted; the result has within a few per cent of it, and fewer on a rough surface.
         rng: Source of the draws.
-        max_tilt_rad: Largest angle between a face's outward normal and +z [rad], in (0, pi/2].
+        max_tilt_rad: Largest angle between an outward normal and +z [rad], in (0, pi/2].
 
     Returns:
         The positions and inward unit normals.
 
     Raises:
         ValueError: `n_poses` or `max_tilt_rad` out of range.
-        MeshError: No face is upper.
+        MeshError: No face is upper, or all planes are steeper than the limit.
     """
     if n_poses < N_NEIGHBOURS + 1:
         raise ValueError(f"n_poses={n_poses} must be at least {N_NEIGHBOURS + 1}, for normals to be fitted")
@@ -109,7 +113,34 @@ def upper_surface_workspace(
             f"only {len(positions_m)} positions fit on {area_m2 * 1e6:.3g} mm^2 of surface; ask for more"
         )
     inward = -solid.face_normals()[faces[kept]]
-    return SensingSurface(positions_m, fit_normals(positions_m, inward))
+    normals, is_kept = held_to_tilt(fit_normals(positions_m, inward), max_tilt_rad)
+    if not is_kept.any():
+        raise MeshError(
+            f"the surface is too rough for a pose: about each position it tilts by more than "
+            f"{np.rad2deg(max_tilt_rad):.3g} degrees; smooth the mesh, turn the organ, or ask for more poses"
+        )
+    return SensingSurface(positions_m[is_kept], normals[is_kept])
+
+
+def held_to_tilt(
+    normals: NDArray[np.float64], max_tilt_rad: float
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Inward normals, of which those a little too steep lean back to a limit, and which poses are to be kept.
+
+    Args:
+        normals: Inward unit normals, shape (N, 3).
+        max_tilt_rad: Largest angle between a normal and -z [rad].
+
+    Returns:
+        The normals, shape (N, 3), and which are within the limit, shape (N,).
+    """
+    tilt_rad = np.arctan2(np.hypot(normals[:, 0], normals[:, 1]), -normals[:, 2])
+    held = normals.copy()
+    leaning = (tilt_rad > max_tilt_rad) & (tilt_rad <= max_tilt_rad + LEAN_RAD)
+    flat = normals[leaning, :2] / np.linalg.norm(normals[leaning, :2], axis=1, keepdims=True)
+    held[leaning, :2] = flat * np.sin(max_tilt_rad)
+    held[leaning, 2] = -np.cos(max_tilt_rad)
+    return held, tilt_rad <= max_tilt_rad + LEAN_RAD
 
 
 def upper_surface_area_m2(

@@ -16,7 +16,7 @@ from .repair import compact
 from .topology import Faces, bodies
 
 LEAST_DIAMETER_M = 3e-3
-"""Smaller bodies beside larger ones are taken for noise [m]."""
+"""Bodies in an organ that are smaller than balls of this diameter are taken for noise of an outline [m]."""
 
 MOST_BODIES = 50
 """Bodies of a file that are kept, the largest first."""
@@ -126,7 +126,7 @@ def organ_bodies(
 def separate_solids(solid: Solid, noun: str) -> tuple[tuple[Solid, ...], list[str]]:
     """The bodies of a closed surface with their cavities, the largest first, and what is said of them.
 
-    Bodies within others are left out, and so is debris beside larger ones.
+    Bodies within others are left out, and so are those that are too small, of which there may be no other.
 
     Args:
         solid: All of them together.
@@ -144,8 +144,6 @@ def separate_solids(solid: Solid, noun: str) -> tuple[tuple[Solid, ...], list[st
             kept.append(int(each))
     if len(kept) <= 1 and len(order) == len(large):
         return (solid,), []
-    if not kept:
-        return (solid,), []
     said = (
         [f"it is of {len(kept)} separate bodies, each of which is a {noun} of its own"]
         if len(kept) > 1
@@ -155,8 +153,11 @@ def separate_solids(solid: Solid, noun: str) -> tuple[tuple[Solid, ...], list[st
     if n_small:
         bodies_were = "a body" if n_small == 1 else f"{n_small:,} bodies"
         verb = "was" if n_small == 1 else "were"
+        largest_mm = float(np.cbrt(6.0 * every.volumes_m3[order][~is_large].max() / np.pi)) * 1e3
+        size = f"of {largest_mm:.2g}" if n_small == 1 else f"of up to {largest_mm:.2g}"
         said.append(
-            f"{bodies_were} under {LEAST_DIAMETER_M * 1e3:g} mm across {verb} taken for noise and dropped"
+            f"{bodies_were} {size} mm across {verb} taken for noise of the outline and dropped, as all under "
+            f"{LEAST_DIAMETER_M * 1e3:g} mm are"
         )
     if n_over:
         said.append(f"of {len(large) + n_over:,} bodies the {MOST_BODIES} largest are kept")

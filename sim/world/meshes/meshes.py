@@ -3,34 +3,24 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
 from sim.world.errors import MeshError
-from sim.world.names import fold
+from sim.world.names import fold, meaning_of
 from sim.world.solids.solid import Solid
 
 from .bodies import organ_bodies, separate_solids
 from .coordinates import METRES_PER_UNIT, MeshFrame, Unit
 from .decimation import decimate
 from .files import ReadMesh, read_triangles
-from .objects import MeshObject, SortedObjects, joined, sort_objects, told_apart
+from .objects import MeshObject, SortedObjects, joined, sort_bodies, sort_objects, told_apart
 from .pieces import PieceError, is_piece_name
 from .repair import RepairError, repair
-
-Role = Literal["organ", "tumour", "target"]
-
-LARGEST_EXTENT_M = 2.0
-"""No organ has a longer bounding box [m]; millimetres taken for metres always do."""
-
-SMALLEST_EXTENT_M = {"organ": 0.005, "tumour": 0.0003, "target": 0.0003}
-"""No organ or segmented tumour, cyst or the like has a shorter one [m]; metres taken for millimetres always do."""
-
-ORGAN_VOLUME_RANGE_M3 = (0.3e-3, 5.0e-3)
-"""Human livers from a child's to a grossly enlarged one [m^3]; outside it the size is remarked on."""
+from .sizes import SMALLEST_EXTENT_M, Role, check_extent, remarks_on_size
 
 FLAT_SHARE = 1e-6
 """A solid with a smaller share of its bounding box's diagonal cubed has no volume to speak of."""
@@ -110,13 +100,11 @@ def load_mesh(
     path = Path(path)
     read = read_triangles(path, frame)
     vertices_m, faces, notices = read.vertices * METRES_PER_UNIT[unit], read.faces, read.remarks
-    _check_extent(path, vertices_m, unit, role)
-    found: SortedObjects | None = None
+    check_extent(path, vertices_m, unit, role)
     try:
-        if role == "organ":
-            found = _sorted_objects(read, unit, organ_object)
+        found = _sorted_objects(read, unit, organ_object, role)
         if found is not None:
-            vertices_m, faces = joined(found.organ)
+            vertices_m, faces = joined(found.organ if role == "organ" else found.tumours)
             notices.append(found.remark)
         vertices_m, faces, repairs = repair(vertices_m, faces)
         if role == "organ":
@@ -125,12 +113,14 @@ def load_mesh(
     except (RepairError, PieceError) as error:
         raise MeshError(f"{path}: {error}") from error
     solid, simplified = _checked_solid(path, vertices_m, faces)
-    notices += [*repairs, *simplified, *_check_winding(path, solid), *remarks_on_size(solid.volume_m3, role)]
+    notices += [*repairs, *simplified, *_check_winding(path, solid)]
+    if role == "organ":
+        notices += remarks_on_size(solid.volume_m3, found.organ[0].name if found else _called(path, read))
     return LoadedMesh(
         solid,
         tuple(f"{path.name}: {notice}" for notice in notices),
         path.name,
-        tumours=tuple(_solid_of(each) for each in (found.tumours if found else ())),
+        tumours=tuple(_solid_of(each) for each in (found.tumours if found and role == "organ" else ())),
         structures={each.name: _solid_of(each) for each in (found.structures if found else ())},
     )
 
@@ -154,7 +144,7 @@ def load_bodies(
     return solids, (*mesh.notices, *(f"{mesh.name}: {text}" for text in said))
 
 
-def _sorted_objects(read: ReadMesh, unit: Unit, organ_object: str | None) -> SortedObjects | None:
+def _sorted_objects(read: ReadMesh, unit: Unit, organ_object: str | None, role: Role) -> SortedObjects | None:
     """What the objects of a file are; None where they are one surface.
 
     Raises:
@@ -164,6 +154,8 @@ def _sorted_objects(read: ReadMesh, unit: Unit, organ_object: str | None) -> Sor
     units = told_apart(scaled) if len(scaled) > 1 else []
     if len(units) < 2:
         return None
+    if role != "organ":
+        return sort_bodies(units, role)
     is_of_pieces = organ_object is not None and is_piece_name(organ_object)
     return sort_objects(units, None if is_of_pieces else organ_object)
 
@@ -174,6 +166,11 @@ def _piece(organ_object: str | None, found: SortedObjects | None, read: ReadMesh
         return organ_object
     is_only_one = found is None and fold(organ_object) in map(fold, read.names)
     return None if found is not None or is_only_one else organ_object
+
+
+def _called(path: Path, read: ReadMesh) -> str:
+    """What a file of one object calls it, or what the file is called where that tells more."""
+    return next((name for name in (*read.names, path.name.split(".")[0]) if meaning_of(name)), path.name)
 
 
 def _solid_of(body: MeshObject) -> Solid:
@@ -204,7 +201,7 @@ def load_surface(path: str | Path, unit: Unit = "mm", *, frame: MeshFrame = "aut
     path = Path(path)
     read = read_triangles(path, frame)
     vertices_m, faces, notices = read.vertices * METRES_PER_UNIT[unit], read.faces, read.remarks
-    _check_extent(path, vertices_m, unit, "tumour")
+    check_extent(path, vertices_m, unit, "tumour")
     try:
         vertices_m, faces, _ = repair(vertices_m, faces)
         vertices_m, faces, simplified = _simplified(vertices_m, faces)
@@ -226,26 +223,6 @@ def _simplified(
     if simple is None:
         return vertices_m, faces, [f"{len(faces):,} triangles make everything slow; decimate the mesh"]
     return *simple, [f"{len(faces):,} triangles were simplified to {len(simple[1]):,}"]
-
-
-def _check_extent(path: Path, vertices_m: NDArray[np.float64], unit: Unit, role: Role) -> None:
-    extent_m = float(np.ptp(vertices_m, axis=0).max())
-    if extent_m > LARGEST_EXTENT_M:
-        remedy = (
-            "if the file is in millimetres, pass `unit` mm" if unit == "m" else "check the file's coordinates"
-        )
-        raise MeshError(
-            f"{path}: its bounding box of {extent_m:.4g} m is above {LARGEST_EXTENT_M:g} m; {remedy}"
-        )
-    if extent_m == 0.0:
-        raise MeshError(f"{path}: all of its vertices are at one point; export the mesh again")
-    smallest_m = SMALLEST_EXTENT_M[role]
-    if extent_m < smallest_m:
-        remedy = "if the file is in metres, pass `unit` m" if unit == "mm" else "check the file's coordinates"
-        raise MeshError(
-            f"{path}: the bounding box of this {role} is {extent_m * 1e3:.3g} mm long, "
-            f"below {smallest_m * 1e3:g} mm; {remedy}"
-        )
 
 
 def _check_volume(path: Path, solid: Solid, volume_m3: float) -> None:
@@ -280,15 +257,4 @@ def _check_winding(path: Path, solid: Solid) -> list[str]:
     overlap_share = int((winding > 1).sum()) / n_inside
     if overlap_share > REMARKABLE_OVERLAP_SHARE:
         return [f"{overlap_share:.0%} of the volume is covered more than once and counts as inside"]
-    return []
-
-
-def remarks_on_size(volume_m3: float, role: Role) -> list[str]:
-    """A remark, where no human liver has such a volume."""
-    low, high = ORGAN_VOLUME_RANGE_M3
-    if role == "organ" and not low <= volume_m3 <= high:
-        return [
-            f"a volume of {volume_m3 * 1e3:.3g} litres is implausible for a human liver "
-            f"({low * 1e3:g} to {high * 1e3:g}); check the unit and the scan's voxel spacing"
-        ]
     return []

@@ -217,6 +217,30 @@ def sort_objects(units: Sequence[MeshObject], wanted: str | None) -> SortedObjec
     )
 
 
+def sort_bodies(units: Sequence[MeshObject], noun: str) -> SortedObjects | None:
+    """Which objects of a file of tumours, or of a second class, are meant by their names; None where that is all.
+
+    Args:
+        units: The objects [m], at least two.
+        noun: What is wanted, `tumour` or `target`.
+    """
+    meanings = [meaning_of(each.name) for each in units]
+    unwanted = ("liver", "other organ") if noun == "tumour" else ("liver", "other organ", "tumour")
+    meant = [i for i, each in enumerate(meanings) if noun == "tumour" and each == "tumour"]
+    meant = meant or [i for i, each in enumerate(meanings) if each not in unwanted]
+    rest = [i for i in range(len(units)) if i not in meant]
+    if not meant or not rest:
+        return None
+    are = "is" if len(rest) == 1 else "are"
+    uses = f"{_told([units[i] for i in meant])} for {noun}s, and {_told([units[i] for i in rest])} {are} left out"
+    return SortedObjects(
+        organ=(),
+        tumours=tuple(units[i] for i in meant),
+        structures=(),
+        remark=f"of its {len(units)} objects the names take {uses}",
+    )
+
+
 def _index_of(units: Sequence[MeshObject], wanted: str) -> int:
     """The object of a name; accents and capitals do not matter where they tell nothing apart."""
     exact = [i for i, each in enumerate(units) if each.name == wanted]

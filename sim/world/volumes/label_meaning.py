@@ -69,9 +69,9 @@ def _by_names(volume: Volume) -> tuple[Coding, list[str]] | None:
     if len(others) > MOST_STRUCTURES:
         others = tuple(label for label in others if meaning_of(names[label]) == "vessel")
     why = " as the only one beside tumours" if roles.is_by_rest else ""
-    texts = [f"{_told(volume, roles.organ)} is taken for the organ{why}"]
-    texts += [f"{_told(volume, roles.tumours)} for tumours" if roles.tumours else "none for a tumour"]
-    texts += [f"{_told(volume, others)} for structures to show"] if others else []
+    texts = [f"{told(volume, roles.organ)} is taken for the organ{why}"]
+    texts += [f"{told(volume, roles.tumours)} for tumours" if roles.tumours else "none for a tumour"]
+    texts += [f"{told(volume, others)} for structures to show"] if others else []
     said = f"by the labels' names {', '.join(texts[:-1])} and {texts[-1]}"
     coding = Coding(organ=roles.organ, tumours=roles.tumours, structures=_named(volume, others))
     return coding, [said]
@@ -113,19 +113,24 @@ def _remarks_on_rest(volume: Volume, coding: Coding) -> list[str]:
         verb = "has a tumour's name and is" if len(tumours) == 1 else "have tumours' names and are"
         numbers = " ".join(map(str, tumours))
         remarks.append(
-            f"{_told(volume, tumours)} {verb} taken for nothing: pass `tumour_label` {numbers} if tumours are meant"
+            f"{told(volume, tumours)} {verb} taken for nothing: pass `tumour_label` {numbers} if tumours are meant"
         )
     if plain:
         noun, verb = ("label", "is") if len(plain) == 1 else ("labels", "are")
-        remarks.append(f"the {noun} {_told(volume, plain)} {verb} taken for nothing")
+        remarks.append(f"the {noun} {told(volume, plain)} {verb} taken for nothing")
     for label, name in volume.label_names.items():
         if label not in volume.counts and meaning_of(name) == "tumour":
             remarks.append(f"the header names {label} {name!r}, but no voxel has that label")
     return remarks
 
 
-def _told(volume: Volume, labels: Iterable[int]) -> str:
-    """Labels with their names, and how many more there are."""
+def told(volume: Volume, labels: Iterable[int]) -> str:
+    """Labels with their names, and how many more there are.
+
+    Args:
+        volume: Their volume.
+        labels: At least one label.
+    """
     texts = [volume.label_text(label) for label in labels]
     if len(texts) > MOST_TOLD:
         return f"{', '.join(texts[:MOST_TOLD])} and {len(texts) - MOST_TOLD} more"

@@ -3,7 +3,13 @@ import pytest
 import trimesh
 from scipy.spatial import KDTree
 
-from sim.world.anatomy.surface import SensingSurface, fit_normals, thin_to_spacing, upper_surface_workspace
+from sim.world.anatomy.surface import (
+    SensingSurface,
+    fit_normals,
+    held_to_tilt,
+    thin_to_spacing,
+    upper_surface_workspace,
+)
 from sim.world.errors import MeshError
 from sim.world.solids.solid import Solid
 
@@ -102,3 +108,49 @@ def test_a_spike_without_upward_faces_has_no_workspace():
     spike = trimesh.creation.cone(0.01, 0.3, sections=12)
     with pytest.raises(MeshError, match="no face points up within 60 degrees"):
         upper_surface_workspace(Solid.from_trimesh(spike), 100, rng=np.random.default_rng(0))
+
+
+def knobbly_ball():
+    """A ball with waves of some millimetres, as outlines of thick slices have."""
+    mesh = trimesh.creation.icosphere(subdivisions=5, radius=0.08)
+    waves = np.sin(mesh.vertices * 2 * np.pi / 0.02).prod(axis=1)
+    return Solid(mesh.vertices * (1.0 + 0.08 * waves[:, None]), mesh.faces)
+
+
+def test_no_beam_is_steeper_than_the_limit_after_planes_are_fitted():
+    knobbly, rng = knobbly_ball(), np.random.default_rng(0)
+    workspace = upper_surface_workspace(knobbly, 2000, rng=rng)
+    tilt_rad = np.arccos(-workspace.normals[:, 2])
+    assert np.rad2deg(tilt_rad.max()) <= 60.0 + 1e-9  # rounding
+    # Some planes were steeper: fitted anew to what is left, many positions go beyond.
+    assert 1000 < workspace.n_poses < 0.95 * 2000
+    lengths = np.linalg.norm(workspace.normals, axis=1)
+    assert lengths == pytest.approx(np.ones(workspace.n_poses), abs=1e-12)
+
+
+def test_poses_within_the_limit_are_left_as_they_are():
+    normals = np.array([[0.0, 0.0, -1.0], [np.sin(1.0), 0.0, -np.cos(1.0)]])
+    held, is_kept = held_to_tilt(normals, np.deg2rad(60.0))
+    assert is_kept.all()
+    assert (held == normals).all()
+
+
+def test_a_plane_a_little_too_steep_leans_back_and_an_overhanging_one_is_dropped():
+    angles = np.deg2rad([60.5, 62.0, 100.0])
+    normals = np.stack([np.sin(angles), np.zeros(3), -np.cos(angles)], axis=1)
+    held, is_kept = held_to_tilt(normals, np.deg2rad(60.0))
+    assert is_kept.tolist() == [True, False, False]
+    assert held[0] == pytest.approx([np.sin(np.pi / 3), 0.0, -0.5], abs=1e-12)
+
+
+def test_a_surface_of_nothing_but_steep_planes_is_refused_with_a_remedy():
+    spikes = trimesh.creation.box((0.004, 0.004, 0.2))
+    spikes.vertices[spikes.vertices[:, 2] > 0, :2] *= 0.9
+    with pytest.raises(MeshError, match="smooth the mesh, turn the organ"):
+        upper_surface_workspace(Solid.from_trimesh(comb(spikes)), 60, rng=np.random.default_rng(0))
+
+
+def comb(tooth):
+    """Teeth side by side, narrower than the distance between poses, on top of one another's rims."""
+    teeth = [tooth.copy().apply_translation([0.006 * i, 0.0, 0.03 * (i % 2)]) for i in range(40)]
+    return trimesh.util.concatenate(teeth)

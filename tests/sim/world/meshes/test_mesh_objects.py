@@ -204,9 +204,11 @@ def test_bodies_of_a_tumours_file_are_tumours_of_their_own(tmp_path):
         [volume_ml(12.0), volume_ml(8.0)], rel=1e-4
     )
     assert any("2 separate bodies, each of which is a tumour" in notice for notice in notices)
-    assert any("a body under 3 mm across was taken for noise" in notice for notice in notices)
-    ball(1.0).export(path)
-    assert len(load_bodies(path)[0]) == 1
+    assert any("a body of 2 mm across was taken for noise" in notice for notice in notices)
+    ball(1.4).export(path)
+    solids, notices = load_bodies(path)
+    assert solids == ()
+    assert any("a body of 2.8 mm across was taken for noise" in notice for notice in notices)
 
 
 def test_a_scenario_file_names_the_object_too(tmp_path):

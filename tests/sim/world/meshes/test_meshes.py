@@ -190,7 +190,7 @@ def test_millimetres_taken_for_metres_are_named_with_the_remedy(tmp_path):
 
 
 def test_metres_taken_for_millimetres_are_named_with_the_remedy(tmp_path):
-    with pytest.raises(MeshError, match=r"organ is 0\.1 mm long, below 5 mm; .*pass `unit` m$"):
+    with pytest.raises(MeshError, match=r"organ is 0\.1 mm long, below 30 mm; .*pass `unit` m$"):
         load(tmp_path, ball_mm(0.05))
 
 
@@ -198,7 +198,7 @@ def test_a_tumour_may_be_small_and_an_organ_of_odd_size_is_remarked_on(tmp_path)
     assert load(tmp_path, ball_mm(1.5), "tumour.stl", role="tumour").notices == ()
     notices = load(tmp_path, ball_mm(20.0)).notices
     assert len(notices) == 1
-    assert "0.0332 litres is implausible for a human liver" in notices[0]
+    assert "0.0332 litres is implausible if the organ is a human liver" in notices[0]
 
 
 def test_a_flat_closed_sheet_encloses_nothing(tmp_path):

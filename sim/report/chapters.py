@@ -127,7 +127,12 @@ def _goes_by(record: RunRecord, height: float) -> tuple[str, str, str, str]:
         return "confidence", "Planner’s confidence", f"that nothing is left to find or outline{asked}", svg
     svg = progress_chart("improvement", record.numbers("expected_improvement"), colour="probe", height=height,
                          label="Highest expected improvement after each sensing action")  # fmt: skip
-    return "improvement", "Expected improvement", "the highest that any point still promises (latent’s unit)", svg
+    return (
+        "improvement",
+        "Expected improvement",
+        "the highest that any point still promises (latent’s unit)",
+        svg,
+    )
 
 
 def _readings(record: RunRecord) -> list[dict[str, str]]:

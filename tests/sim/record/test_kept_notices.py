@@ -21,7 +21,14 @@ def organ(tmp_path) -> str:
 
 
 def test_a_run_keeps_its_notices_also_where_nobody_is_told(organ, tmp_path, capsys) -> None:
-    options = {"organ": organ, "n_tumours": 1, "arm": "none", "motion": "none", "steps": 1, "planner": "random"}
+    options = {
+        "organ": organ,
+        "n_tumours": 1,
+        "arm": "none",
+        "motion": "none",
+        "steps": 1,
+        "planner": "random",
+    }
     run_episode(**options, out=tmp_path / "run", frames="none", show_progress=False)
     notices = json.loads((tmp_path / "run" / "config.json").read_text())["notices"]
     assert any(WORDS in notice for notice in notices)

@@ -18,7 +18,7 @@ MEANING = (
     "tissue in the whole organ (1 is perfect): the map fills in what lies between and beside the cones, so it can be "
     "nearly right while much of a tumour was never sensed."
 )
-PAPER_PLANNER = "expected-improvement"
+PAPER_PLANNER, OUTLINING_PLANNER = "expected-improvement", "find-and-outline"
 PAPER = (
     f"{PAPER_PLANNER} is the paper's planner, which `make episode` runs so that its results can be held against the "
     "paper's: it goes where tumour is likely and does not outline what it found, as find-and-outline does."
@@ -114,17 +114,17 @@ def _ended(summary: Mapping[str, Any], options: Mapping[str, Any]) -> str:
     actions = f"{n} action{'' if n == 1 else 's'}"
     sure = "" if confidence is None else f"the planner was {confidence:.1%} sure that {_claim(options)}"
     also = f"; {sure}" if sure else ""
+    if confidence == 0.0 and options["planner"] == OUTLINING_PLANNER:
+        also = "; the planner had something left to outline, so that its confidence was still 0"
     match summary.get("ended_by"):
         case "steps":
-            return f"It ended after {actions}, as many as `steps` allows{also}."
+            return f"It ended after {actions}, as many as were asked for{also}."
         case "sensed":
             goal = float(options["until_sensed"])
-            return (
-                f"It ended after {actions}, with the {goal:.0%} sensed that `until_sensed` asked for{also}."
-            )
+            return f"It ended after {actions}, with the {goal:.0%} sensed at which it was to stop{also}."
         case "confident":
             goal = float(options["until_confident"])
-            return f"It ended after {actions}, because {sure}; `until_confident` asked for {goal:.0%}."
+            return f"It ended after {actions}, because {sure}; it was to stop at {goal:.0%}."
         case "no_pose_left":
             return f"It ended after {actions}, because no pose was left that could be taken{also}."
     return ""
@@ -133,6 +133,6 @@ def _ended(summary: Mapping[str, Any], options: Mapping[str, Any]) -> str:
 def _claim(options: Mapping[str, Any]) -> str:
     """What a planner's confidence is about."""
     radius_mm = options.get("sure_radius_mm")
-    if options["planner"] != "find-and-outline" or radius_mm is None:
+    if options["planner"] != OUTLINING_PLANNER or radius_mm is None:
         return "nothing is left to find or outline"
     return f"no tumour of {float(radius_mm):g} mm radius or more is left to find where a cone can look, or to outline"

@@ -55,6 +55,8 @@ class RunRecord:
     target: RunRecord | None = None
     """The same run as a record of the second class, where one was mapped: its bodies, map and curves stand in the
     place of the tumours'."""
+    deviation: NDArray[np.float64] | None = None
+    """Standard deviation of the last map's latent at the search points, shape (M,); None where it is not told."""
 
     @property
     def options(self) -> Mapping[str, Any]:
@@ -123,6 +125,7 @@ def load_run(folder: Path | str) -> RunRecord:
         detection_tumours=tumours,
         field=field,
         history={} if field is None else _history(folder, TUMOURS, field.n_inside, len(steps)),
+        deviation=_deviation(folder / "map.npz", field),
     )
     return record if anatomy.target is None else replace(record, target=_of_target(record, anatomy.target))
 
@@ -141,6 +144,7 @@ def _of_target(record: RunRecord, anatomy: Anatomy) -> RunRecord:
         detection_tumours=bodies,
         field=field,
         history={} if field is None else _history(folder, TARGETS, field.n_inside, n_steps),
+        deviation=_deviation(folder / "map.npz", field, "target_"),
     )
 
 
@@ -180,3 +184,15 @@ def _field(path: Path, prefix: str = "") -> MapField | None:
             )
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise UsageError(f"{path}: cannot be read ({error}). Run the episode again.") from error
+
+
+def _deviation(path: Path, field: MapField | None, prefix: str = "") -> NDArray[np.float64] | None:
+    """The standard deviation of a map's latent inside the organ; None where the file does not tell it."""
+    if field is None:
+        return None
+    with np.load(path, allow_pickle=False) as arrays:
+        name = f"{prefix}latent_variance"
+        if name not in arrays.files:
+            return None
+        variance = np.asarray(arrays[name], dtype=np.float64)[field.is_inside]
+    return np.sqrt(np.maximum(np.nan_to_num(variance), 0.0))

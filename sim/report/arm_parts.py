@@ -61,6 +61,29 @@ def body_poses(recording: Recording, names: list[str]) -> NDArray[np.float32]:
     return poses
 
 
+def body_ways(recording: Recording, names: list[str], n: int) -> NDArray[np.float64]:
+    """The position and the wxyz quaternion of bodies at `n` moments, evenly spaced, of each motion.
+
+    Args:
+        recording: The run's states.
+        names: The bodies.
+        n: Number of moments, the first and the last of a motion among them.
+
+    Returns:
+        Shape (number of motions, n, number of bodies, 7), world frame [m].
+    """
+    scene = recording.scene
+    data = scene.new_data()
+    ids = [scene.model.body(name).id for name in names]
+    ways = np.empty((len(recording.motions), n, len(ids), 7))
+    for way, motion in zip(ways, recording.motions.values(), strict=True):
+        moments_s = np.linspace(motion.time_s[0], motion.time_s[-1], n)
+        for row, at in zip(way, np.searchsorted(motion.time_s, moments_s - 1e-9), strict=True):
+            set_state(scene, data, motion.states[min(int(at), len(motion.states) - 1)])
+            row[:, :3], row[:, 3:] = data.xpos[ids], data.xquat[ids]
+    return ways
+
+
 def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:
     """The red, green and blue of a geom, or of its material where it has one."""
     material = int(model.geom_matid[geom])

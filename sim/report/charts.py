@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 Numbers = NDArray[np.float64]
 LOG_FROM = 30.0
 """Positive values that span more than this factor are drawn on a logarithmic axis."""
+MOST_HOVERED = 60
+"""Most points of a curve whose values are told to whoever points at it."""
 QUARTERS = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Ticks of an axis from 0 to 1."""
 
@@ -123,7 +125,13 @@ def curve_chart(
             f'<line class="target" x1="{plot.left}" x2="{plot.width - plot.right}" y1="{at:.1f}" y2="{at:.1f}"/>'
             f'<text class="note" x="{plot.left + 6}" y="{at - 5:.1f}">{escape(level_text)}</text>'
         )
-    return svg_text(plot, label, body)
+    shown = np.unique(np.linspace(0, len(x) - 1, min(len(x), MOST_HOVERED)).round().astype(int))
+    hovered = {
+        "points": [[round(plot.x(float(x[i])), 1), round(plot.y(float(y[i])), 1)] for i in shown],
+        "texts": [f"recall {x[i]:.2f}: precision {y[i]:.2f}" for i in shown],
+    }
+    data = escape(json.dumps(hovered, separators=(",", ":")), quote=True)
+    return svg_text(plot, label, body, f'data-hover="{data}"')
 
 
 def reliability_chart(predicted: Numbers, observed: Numbers, counts: Numbers, *, label: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 
 from mapping.storage import replacing
+from sim.episode.scenario import PAPER_ORGAN
 from sim.findings.findings import Findings
 from sim.findings.results import write_results
 from sim.record.run_record import RunRecord, load_run
@@ -21,7 +22,7 @@ from .view_data import view_data
 
 REPORT = "report.html"
 ASSETS = Path(__file__).resolve().parent / "assets"
-SCRIPTS = ("three.min.js", "surface_nets.js", "view.js", "page.js")
+SCRIPTS = ("three.min.js", "surface_nets.js", "view.js", "slices.js", "page.js")
 MOST_BYTES = 15_000_000
 """A report is never larger: pictures are made smaller until it fits."""
 
@@ -55,9 +56,16 @@ def page(record: RunRecord, findings: Findings) -> str:
     data = {"view": view, "n_steps": record.n_steps, "frames": sorted(frames)}
     shown = chapters(record, findings)
     return environment().get_template("run.html.j2").render(
-        **shown, data=_json(data), readings_json=_json(shown["readings"]), packed=packed, frames=frames,
-        scripts=scripts(),
+        **shown, has_slices=view["map"] is not None, slices_frame=_slices_frame(record), data=_json(data),
+        readings_json=_json(shown["readings"]), packed=packed, frames=frames, scripts=scripts(),
     )  # fmt: skip
+
+
+def _slices_frame(record: RunRecord) -> str:
+    """What the axes of the slices are called."""
+    if record.scenario["organ"] == PAPER_ORGAN:
+        return "the frame of the organ"
+    return "the patient’s frame (x to the left, y to the back, z to the head, in millimetres)"
 
 
 @lru_cache(maxsize=2)

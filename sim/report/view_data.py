@@ -15,7 +15,7 @@ from sim.record.run_record import RunRecord
 from sim.world.anatomy.structures import Structure
 from sim.world.errors import WorldError
 
-from .arm_parts import arm_parts, body_poses
+from .arm_parts import arm_parts, body_poses, body_ways
 from .mesh_thinning import thinned, thinned_together
 from .packing import Pack, add_mesh
 
@@ -25,6 +25,8 @@ MOST_ORGAN_FACES = 10_000
 """Most triangles of the organ: without a graphics card, they take most of the time of a drawing."""
 MOST_TUMOUR_FACES = 12_000
 """Most triangles of all tumours together."""
+WAY_POSES, MOST_WAY_POSES = 14, 1400
+"""Poses of the arm on its way to an action, and most of them in all."""
 MOST_STRUCTURE_FACES = 14_000
 """Most triangles of all structures together."""
 
@@ -76,6 +78,7 @@ def _arm(recording: Recording, pack: Pack) -> dict[str, Any]:
     parts = arm_parts(recording)
     names = list(dict.fromkeys(name for name, *_ in parts))
     poses = body_poses(recording, names)
+    ways = _ways(recording, names, pack)
     return {
         "n_bodies": len(names),
         "parts": [
@@ -83,6 +86,25 @@ def _arm(recording: Recording, pack: Pack) -> dict[str, Any]:
             for name, colour, mesh in parts
         ],
         "poses": pack.add(poses.ravel()),
+        "ways": None if ways is None else ways,
+    }
+
+
+def _ways(recording: Recording, names: list[str], pack: Pack) -> dict[str, Any] | None:
+    """The bodies' poses on the way to each action, in two bytes a number; None where the probe jumped."""
+    n_motions = len(recording.motions)
+    if all(len(motion.states) < 3 for motion in recording.motions.values()):
+        return None
+    n = int(np.clip(MOST_WAY_POSES // n_motions, 4, WAY_POSES))
+    ways = body_ways(recording, names, n)
+    metre = float(np.abs(ways[..., :3]).max()) / 32767
+    ways[..., :3] /= metre
+    ways[..., 3:] *= 32767
+    return {
+        "n": n,
+        "n_motions": n_motions,
+        "metre": metre,
+        "poses": pack.add(np.rint(ways).astype(np.int16).ravel()),
     }
 
 
@@ -137,9 +159,19 @@ def _map(record: RunRecord, pack: Pack) -> dict[str, Any] | None:
         "n_inside": field.n_inside,
         "steps": steps,
         "maps": places,
+        "deviation": _deviation(record, pack),
         "log_odds_step": LOG_ODDS_STEP,
         "called_from": called_from(prior),
     }
+
+
+def _deviation(record: RunRecord, pack: Pack) -> dict[str, Any]:
+    """The standard deviation of the last map's latent inside the organ, in a byte a point over its range."""
+    n_inside = 0 if record.field is None else record.field.n_inside
+    deviation = np.zeros(n_inside) if record.deviation is None else record.deviation
+    low, high = float(deviation.min()), float(deviation.max())
+    share = (deviation - low) / max(high - low, 1e-12)
+    return {"values": pack.add(np.rint(255 * share).astype(np.uint8)), "range": [low, high]}
 
 
 def thinned_steps(steps: list[int], most: int) -> list[int]:

@@ -7,21 +7,46 @@
   const slider = document.getElementById("slider"), number = document.getElementById("number"), told = document.getElementById("told");
   const play = document.getElementById("play"), picture = document.getElementById("frame"), last = Number(slider.max);
 
+  // A text beside the pointer.
+  const tip = document.createElement("div");
+  tip.className = "tip";
+  tip.hidden = true;
+  document.body.append(tip);
+  const tell = (event, text) => {
+    tip.hidden = !text;
+    if (!text) return;
+    tip.textContent = text;
+    const left = Math.min(event.clientX + 12, innerWidth - tip.offsetWidth - 8);
+    tip.style.transform = `translate(${left}px, ${Math.max(event.clientY - tip.offsetHeight - 10, 4)}px)`;
+  };
+
+  const nearest = (svg, points, event) => {
+    const at = svg.createSVGPoint();
+    [at.x, at.y] = [event.clientX, event.clientY];
+    const x = at.matrixTransform(svg.getScreenCTM().inverse()).x;
+    let best = 0;
+    points.forEach((point, i) => { if (point && (!points[best] || Math.abs(point[0] - x) < Math.abs(points[best][0] - x))) best = i; });
+    return best;
+  };
   const charts = [...document.querySelectorAll("svg[data-follow]")].map(svg => {
     const { points, texts } = JSON.parse(svg.dataset.follow);
     const output = document.querySelector(`output[data-value="${svg.dataset.chart}"]`);
-    const goTo = event => {
-      const at = svg.createSVGPoint();
-      [at.x, at.y] = [event.clientX, event.clientY];
-      const x = at.matrixTransform(svg.getScreenCTM().inverse()).x;
-      let best = 0;
-      points.forEach((point, i) => { if (point && (!points[best] || Math.abs(point[0] - x) < Math.abs(points[best][0] - x))) best = i; });
-      setStep(best + 1);
-    };
-    svg.addEventListener("pointerdown", event => { svg.setPointerCapture(event.pointerId); goTo(event); });
-    svg.addEventListener("pointermove", event => { if (svg.hasPointerCapture(event.pointerId)) goTo(event); });
+    const actionAt = event => nearest(svg, points, event) + 1;
+    svg.addEventListener("pointerdown", event => { stop(); svg.setPointerCapture(event.pointerId); setStep(actionAt(event)); });
+    svg.addEventListener("pointermove", event => {
+      const action = actionAt(event);
+      if (svg.hasPointerCapture(event.pointerId)) setStep(action);
+      tell(event, `after action ${action}: ${texts[action - 1]}`);
+    });
+    svg.addEventListener("pointerleave", event => tell(event, ""));
     return { points, texts, output, cursor: svg.querySelector(".cursor"), now: svg.querySelector(".now") };
   });
+
+  for (const svg of document.querySelectorAll("svg[data-hover]")) {
+    const { points, texts } = JSON.parse(svg.dataset.hover);
+    svg.addEventListener("pointermove", event => tell(event, texts[nearest(svg, points, event)]));
+    svg.addEventListener("pointerleave", event => tell(event, ""));
+  }
 
   // Each frame is text until it is shown.
   const lastPicture = picture && { step: Number(picture.dataset.step), src: picture.src };
@@ -35,8 +60,12 @@
     picture.dataset.step = wanted;
   };
 
-  let view = null, step = last, timer = null;
+  let view = null, slices = null, step = last, timer = null;
+  const isCalm = matchMedia("(prefers-reduced-motion: reduce)");
+  const playMs = () => Math.max(60, Math.min(700, 24000 / last));
+  // The arm is seen on its way where the page goes on to the next action.
   const setStep = wanted => {
+    const before = step;
     step = Math.min(Math.max(wanted, 0), last);
     slider.value = step;
     number.textContent = `${step} of ${last}`;
@@ -53,7 +82,8 @@
       if (output) output.textContent = step ? texts[step - 1] : "–";
     }
     if (picture) showFrame(data.frames.filter(at => at <= step).pop() ?? data.frames[0]);
-    if (view) view.setStep(step);
+    if (view) view.setStep(step, step === before + 1 && !isCalm.matches ? 0.8 * playMs() : 0);
+    if (slices) slices.setStep(step);
   };
 
   const stop = () => { clearInterval(timer); timer = null; play.classList.remove("playing"); play.setAttribute("aria-label", "Play"); };
@@ -62,18 +92,18 @@
     if (step >= last) setStep(0);
     play.classList.add("playing");
     play.setAttribute("aria-label", "Pause");
-    timer = setInterval(() => { if (step >= last) stop(); else setStep(step + 1); }, Math.max(60, Math.min(420, 15000 / last)));
+    timer = setInterval(() => { if (step >= last) stop(); else setStep(step + 1); }, playMs());
   };
   play.addEventListener("click", toggle);
   slider.addEventListener("input", () => { stop(); setStep(Number(slider.value)); });
   document.addEventListener("keydown", event => {
     const target = event.target;
-    if (event.altKey || event.ctrlKey || event.metaKey || target.closest("summary, button, input:not(#slider)")) return;
-    const moves = { ArrowRight: step + 1, ArrowLeft: step - 1, Home: 0, End: last, PageUp: step + 10, PageDown: step - 10 };
-    // The slider moves by itself.
-    if (target === slider && event.key !== " ") return;
-    if (event.key in moves && (event.key.startsWith("Arrow") || target === document.getElementById("canvas"))) { event.preventDefault(); stop(); setStep(moves[event.key]); }
-    else if (event.key === " ") { event.preventDefault(); toggle(); }
+    // Other sliders have the same keys, and what can be pressed has the space bar.
+    if (event.altKey || event.ctrlKey || event.metaKey || target.closest("input[type=range]:not(#slider)")) return;
+    const moves = { ArrowRight: step + 1, ArrowLeft: step - 1, Home: 0, End: last };
+    if (target === slider) Object.assign(moves, { ArrowUp: step + 1, ArrowDown: step - 1, PageUp: step + 10, PageDown: step - 10 });
+    if (event.key in moves) { event.preventDefault(); stop(); setStep(moves[event.key]); }
+    else if (event.key === " " && !target.closest("summary, button, input[type=checkbox]")) { event.preventDefault(); toggle(); }
   });
 
   const unpack = async () => {
@@ -82,7 +112,7 @@
     for (let i = 0; i < bytes.length; i++) bytes[i] = letters.charCodeAt(i);
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
     const buffer = await new Response(stream).arrayBuffer();
-    const kinds = { uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
+    const kinds = { uint8: Uint8Array, int8: Int8Array, uint16: Uint16Array, uint32: Uint32Array, int16: Int16Array, float32: Float32Array };
     return place => new kinds[place.kind](buffer, place.at, place.n);
   };
 
@@ -111,8 +141,11 @@
 
   let error = null;
   setStep(last);
+  const array = await unpack(), target = data.view.target;
+  const histories = { map: data.view.map && mapHistory(data.view.map, array), target: target && target.map && mapHistory(target.map, array) };
+  if (histories.map) slices = makeSlices(data.view, array, histories.map, tell);
   try {
-    view = makeView(data.view, await unpack(), setStep);
+    view = makeView(data.view, array, histories, setStep);
     addLegend();
     for (const button of document.querySelectorAll("[data-preset]")) button.addEventListener("click", () => {
       view.presets[button.dataset.preset]();

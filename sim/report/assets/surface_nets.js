@@ -43,7 +43,8 @@ const surfaceNets = (field, dims) => {
   return { positions: new Float32Array(positions), triangles: new Uint32Array(triangles) };
 };
 
-// The history of a map: unpacks the lattice and the maps, and cuts the surface of one of them.
+// The history of a map: unpacks the lattice and the maps, tells the field of one of them and cuts its surface. Each point
+// beside the organ has a lender inside, whose value it takes.
 const mapHistory = (map, array) => {
   const [X, Y, Z] = map.shape, inside = array(map.inside), n = X * Y * Z;
   const cells = new Int32Array(map.n_inside);
@@ -87,10 +88,15 @@ const mapHistory = (map, array) => {
   const mask = refined(Float32Array.from(isInside), map.shape, factor, false);
   const dims = map.shape.map(size => (size - 1) * factor + 1);
 
-  return (index, level) => {
-    const coarse = new Float32Array(n).fill(-6);
-    const values = mapAt(index);
+  // The log-odds at the lattice's points inside the organ; null where no map was kept.
+  const fieldAt = index => {
+    if (index < 0) return null;
+    const coarse = new Float32Array(n).fill(-6), values = mapAt(index);
     for (let i = 0; i < cells.length; i++) coarse[cells[i]] = values[i] * map.log_odds_step;
+    return coarse;
+  };
+  const cut = (index, level) => {
+    const coarse = fieldAt(index);
     for (let i = 0; i < borrowers.length; i++) coarse[borrowers[i]] = coarse[lenders[i]];
     const fine = refined(coarse, map.shape, factor, true);
     const padded = dims.map(size => size + 2), field = new Float32Array(padded[0] * padded[1] * padded[2]).fill(-1);
@@ -104,6 +110,7 @@ const mapHistory = (map, array) => {
     }
     return surface;
   };
+  return { cut, fieldAt, isInside, cells, lender };
 };
 
 // A field with more points between its points along each axis: by cubic (Catmull-Rom) or linear interpolation.

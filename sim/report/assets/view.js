@@ -2,7 +2,7 @@
 // The three-dimensional view, in the world frame: metres, z up. It draws when something changed, never by itself.
 const PAST_STEM_M = 0.014, AXIS_M = 0.06;
 
-const makeView = (data, array, onPick) => {
+const makeView = (data, array, histories, onPick) => {
   const canvas = document.getElementById("canvas"), holder = document.getElementById("view");
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
   // A look for errors would wait for the compiler.
@@ -107,8 +107,8 @@ const makeView = (data, array, onPick) => {
 
   // A map's surface after an action.
   let level = data.map ? Math.log(data.map.called_from / (1 - data.map.called_from)) : 0;
-  const mapLayer = (map, colour) => {
-    const group = layer(), cut = map && mapHistory(map, array), surfaces = new Map();
+  const mapLayer = (map, history, colour) => {
+    const group = layer(), cut = history && history.cut, surfaces = new Map();
     const mesh = new THREE.Mesh(new THREE.BufferGeometry(), lit(colour));
     group.add(mesh);
     const surfaceAt = step => {
@@ -131,7 +131,7 @@ const makeView = (data, array, onPick) => {
     };
     return { group, show };
   };
-  const mapped = mapLayer(data.map, "map"), secondMapped = mapLayer(data.target && data.target.map, "second-map");
+  const mapped = mapLayer(data.map, histories.map, "map"), secondMapped = mapLayer(data.target && data.target.map, histories.target, "second-map");
 
   // Sensing poses: a dot and a stem against the beam; the present one with its cone.
   const probe = array(data.probe), nSteps = probe.length / 16;
@@ -175,6 +175,21 @@ const makeView = (data, array, onPick) => {
     }
   }
   const armPoses = data.arm && array(data.arm.poses);
+  const ways = data.arm && data.arm.ways, wayPoses = ways && array(ways.poses);
+  const placeBodies = pose => bodies.forEach((body, b) => {
+    body.position.fromArray(pose(b), 0);
+    const [w, x, y, z] = pose(b).slice(3);
+    body.quaternion.set(x, y, z, w).normalize();
+  });
+  // The pose of a body on its way to an action, at a share of the time that the way takes.
+  const onTheWay = (step, share) => {
+    const at = share * (ways.n - 1), k = Math.min(Math.floor(at), ways.n - 2), t = at - k;
+    const row = (b, k) => { const from = 7 * (((step - 1) * ways.n + k) * bodies.length + b); return Array.from(wayPoses.subarray(from, from + 7), (value, i) => value * (i < 3 ? ways.metre : 1)); };
+    return b => {
+      const a = row(b, k), c = row(b, k + 1), turn = a[3] * c[3] + a[4] * c[4] + a[5] * c[5] + a[6] * c[6] < 0 ? -1 : 1;
+      return a.map((value, i) => value + t * (c[i] * (i < 3 ? 1 : turn) - value));
+    };
+  };
   const way = layer();
   let wayLine = null;
   if (data.paths && data.paths.ends.length) {
@@ -311,7 +326,53 @@ const makeView = (data, array, onPick) => {
       if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
     }
   };
-  controls.addEventListener("change", request);
+  const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null };
+  // The camera stays out of organ and arm: a move that would bring it in is not made, and it backs off from an arm that
+  // comes to it. A body is where one of its vertices is near, or where an odd number of its triangles lie above.
+  const NEAR_M = 0.03, solids = [];
+  const addSolid = (mesh, name) => {
+    mesh.geometry.computeBoundingBox();
+    const box = mesh.geometry.boundingBox.clone().expandByScalar(NEAR_M);
+    solids.push({ mesh, name, box, points: mesh.geometry.attributes.position.array, faces: mesh.geometry.index.array });
+  };
+  addSolid(organBack, "organ");
+  for (const body of bodies) for (const mesh of body.children) addSolid(mesh, "arm");
+  const isIn = ({ points, faces }, p) => {
+    for (let i = 0; i < points.length; i += 3) if ((points[i] - p.x) ** 2 + (points[i + 1] - p.y) ** 2 + (points[i + 2] - p.z) ** 2 < NEAR_M ** 2) return true;
+    let isOdd = false;
+    for (let f = 0; f < faces.length; f += 3) {
+      const [a, b, c] = [3 * faces[f], 3 * faces[f + 1], 3 * faces[f + 2]];
+      const area = (points[b] - points[a]) * (points[c + 1] - points[a + 1]) - (points[c] - points[a]) * (points[b + 1] - points[a + 1]);
+      const s = ((p.x - points[a]) * (points[c + 1] - points[a + 1]) - (p.y - points[a + 1]) * (points[c] - points[a])) / area;
+      const t = ((points[b] - points[a]) * (p.y - points[a + 1]) - (points[b + 1] - points[a + 1]) * (p.x - points[a])) / area;
+      if (area && s >= 0 && t >= 0 && s + t < 1 && points[a + 2] + s * (points[b + 2] - points[a + 2]) + t * (points[c + 2] - points[a + 2]) > p.z) isOdd = !isOdd;
+    }
+    return isOdd;
+  };
+  const isBlocked = at => solids.some(solid => {
+    if (!solid.mesh.parent.parent || !solid.mesh.parent.visible || (solid.name === "arm" && !arm.visible)) return false;
+    solid.mesh.updateWorldMatrix(true, false);
+    const p = solid.mesh.worldToLocal(at.clone());
+    return solid.box.containsPoint(p) && isIn(solid, p);
+  });
+  const good = { position: new THREE.Vector3(), target: new THREE.Vector3(), isKnown: false };
+  const keepOut = backsOff => {
+    if (isBlocked(camera.position)) {
+      if (good.isKnown && !backsOff) {
+        camera.position.copy(good.position);
+        controls.target.copy(good.target);
+      } else {
+        const back = camera.position.clone().sub(controls.target).normalize();
+        for (let i = 0; i < 60 && isBlocked(camera.position); i++) camera.position.addScaledVector(back, 0.03);
+      }
+      camera.lookAt(controls.target);
+    }
+    good.position.copy(camera.position);
+    good.target.copy(controls.target);
+    good.isKnown = true;
+  };
+  state.isBlocked = () => isBlocked(camera.position);
+  controls.addEventListener("change", () => { keepOut(false); request(); });
   new ResizeObserver(resize).observe(holder);
 
   const applyTheme = () => {
@@ -325,8 +386,24 @@ const makeView = (data, array, onPick) => {
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", applyTheme);
 
-  const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null };
-  const setStep = step => {
+  // The arm goes to the action; the cone is there when the arm is.
+  let moving = 0;
+  const move = (step, ms, rest) => {
+    const mine = moving, began = performance.now();
+    const frame = now => {
+      if (mine !== moving) return;
+      const share = Math.min((now - began) / ms, 1);
+      cone.visible = tipFrame.visible = share === 1;
+      placeBodies(share === 1 ? rest : onTheWay(step, share));
+      keepOut(true);
+      request();
+      if (share < 1) requestAnimationFrame(frame);
+    };
+    placeBodies(onTheWay(step, 0));
+    cone.visible = tipFrame.visible = false;
+    requestAnimationFrame(frame);
+  };
+  const setStep = (step, moveMs = 0) => {
     state.step = step;
     dots.geometry.setDrawRange(0, step * ballFaces.length);
     stemLines.geometry.setDrawRange(0, 2 * step);
@@ -340,14 +417,13 @@ const makeView = (data, array, onPick) => {
       state.tip = placeAt(step - 1).toArray();
     } else state.tip = null;
     if (wayLine) wayLine.geometry.setDrawRange(0, step > 0 ? data.paths.ends[Math.min(step, data.paths.ends.length) - 1] : 0);
+    moving++;
     if (armPoses) {
       const row = Math.min(step, armPoses.length / 7 / bodies.length - 1);
-      bodies.forEach((body, b) => {
-        const at = 7 * (row * bodies.length + b);
-        body.position.set(armPoses[at], armPoses[at + 1], armPoses[at + 2]);
-        body.quaternion.set(armPoses[at + 4], armPoses[at + 5], armPoses[at + 6], armPoses[at + 3]);
-      });
+      const rest = b => Array.from(armPoses.subarray(7 * (row * bodies.length + b), 7 * (row * bodies.length + b) + 7));
+      if (moveMs && ways && step <= ways.n_motions && step > 0) move(step, moveMs, rest); else placeBodies(rest);
     }
+    keepOut(true);
     drawMap();
     request();
   };
@@ -388,7 +464,7 @@ const makeView = (data, array, onPick) => {
     && !(name === "target-truth" && !data.target) && !(name === "target-map" && !(data.target && data.target.map)));
   way.visible = false;
   return {
-    setStep, presets, layers, request, state, renderNow: () => { isReady = true; draw(); },
+    setStep, presets, layers, request, state, zoom: distance => look(controls.target, camera.position.clone().sub(controls.target), distance), renderNow: () => { isReady = true; draw(); },
     setLevel: probability => { level = Math.log(probability / (1 - probability)); drawMap(); },
   };
 };

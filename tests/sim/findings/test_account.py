@@ -40,9 +40,9 @@ def test_it_leads_with_the_tumours_found_and_names_each() -> None:
 @pytest.mark.parametrize(
     ("ended_by", "words"),
     [
-        ("steps", ["30 actions", "as many as `steps` allows", "42.0% sure", "8 mm radius"]),
-        ("confident", ["because the planner was 42.0% sure", "`until_confident` asked for 90%"]),
-        ("sensed", ["95% sensed that `until_sensed` asked for"]),
+        ("steps", ["30 actions", "as many as were asked for", "42.0% sure", "8 mm radius"]),
+        ("confident", ["because the planner was 42.0% sure", "it was to stop at 90%"]),
+        ("sensed", ["95% sensed at which it was to stop"]),
         ("no_pose_left", ["no pose was left"]),
     ],
 )
@@ -54,7 +54,7 @@ def test_it_says_why_the_run_ended(ended_by: str, words: list[str]) -> None:
 def test_a_planner_without_confidence_claims_none_and_the_papers_is_explained() -> None:
     summary = {"planner": "expected-improvement", "n_sensings": 1, "ended_by": "steps", "confidence": None}
     told = account(summary, {"planner": "expected-improvement"}, findings(row(1, is_found=True)))
-    assert told.ended == "It ended after 1 action, as many as `steps` allows."
+    assert told.ended == "It ended after 1 action, as many as were asked for."
     assert told.meaning == f"{MEANING} {PAPER}"
 
 

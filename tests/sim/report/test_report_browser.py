@@ -6,6 +6,8 @@ import pytest
 from opened_page import WAIT_MS, Opened
 from shared_runs import N_ARM_ACTIONS as ACTIONS
 
+OWN_GROUND = "button => getComputedStyle(button).backgroundColor !== 'rgba(0, 0, 0, 0)'"
+
 
 @pytest.fixture(scope="module")
 def report(arm_run):
@@ -32,6 +34,7 @@ def opened(loaded):
     for box, was_checked in zip(boxes, is_checked, strict=True):
         box.set_checked(was_checked)
     page.evaluate("document.activeElement.blur()")  # keys are the page's again
+    page.evaluate("scrollTo(0, 0)")
     assert loaded.complaints == []
 
 
@@ -89,6 +92,73 @@ def test_the_keys_move_it_and_the_space_bar_plays(opened) -> None:
     page.wait_for_function(f"window.soundingReport.state.step === {ACTIONS}")
 
 
+def test_home_and_end_work_at_once_and_the_legend_lies_above_the_fold(browser, report) -> None:
+    opened = Opened(browser, report, viewport={"width": 1280, "height": 900})
+    page = opened.ready()
+    page.keyboard.press("Home")  # nothing was clicked before
+    assert opened.state["step"] == 0
+    page.keyboard.press("End")
+    assert opened.state["step"] == ACTIONS
+    for part in ("#view", "#legend", "#transport"):
+        box = page.locator(part).bounding_box()
+        assert box["y"] + box["height"] <= 900
+    assert page.locator(".presets button").first.evaluate(OWN_GROUND)
+    opened.context.close()
+
+
+def test_the_arm_is_seen_on_its_way_to_the_next_action(opened) -> None:
+    page = opened.page
+    page.locator("body").press("Home")
+    at_home = picture(page)
+    page.evaluate("window.soundingReport.setStep(1)")
+    page.wait_for_timeout(60)
+    on_the_way = page.locator("#view").screenshot()
+    page.wait_for_timeout(900)
+    arrived = page.locator("#view").screenshot()
+    assert len({at_home, on_the_way, arrived}) == 3
+
+
+def test_the_camera_stays_out_of_the_organ_and_the_arm(opened) -> None:
+    page = opened.page
+    box = page.locator("#canvas").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    for _ in range(30):
+        page.mouse.wheel(0, -240)
+        assert not page.evaluate("window.soundingReport.state.isBlocked()")
+    page.evaluate("window.soundingReport.setStep(0)")
+    assert not page.evaluate("window.soundingReport.state.isBlocked()")
+    page.locator("[data-preset=organ]").click()
+
+
+def test_values_are_told_where_the_pointer_is(opened) -> None:
+    page = opened.page
+    page.locator("svg[data-chart=auprc]").hover()
+    assert page.locator(".tip").inner_text().startswith("after action ")
+    page.locator("svg[data-hover]").hover()
+    assert page.locator(".tip").inner_text().startswith("recall ")
+
+
+def test_the_slices_follow_the_slider_and_hide_the_truth(opened) -> None:
+    page = opened.page
+    page.locator("#slices").scroll_into_view_if_needed()
+    page.wait_for_timeout(300)
+    first, uncertain = page.locator("#planes canvas").nth(0), page.locator("#planes canvas").nth(1)
+    drawn = "canvas => canvas.toDataURL()"
+    last, unsure = first.evaluate(drawn), uncertain.evaluate(drawn)
+    page.evaluate("window.soundingReport.setStep(1)")
+    page.wait_for_timeout(300)
+    early = first.evaluate(drawn)
+    assert early != last
+    assert uncertain.evaluate(drawn) == unsure  # that of the last map, whatever the slider says
+    page.locator("#slice-truth").uncheck()
+    page.wait_for_timeout(300)
+    assert first.evaluate(drawn) != early
+    before = first.evaluate(drawn)
+    page.locator("#planes input").first.press("ArrowRight")
+    assert first.evaluate(drawn) != before
+    assert opened.state["step"] == 1  # the slice's slider has its own keys
+
+
 def test_a_click_on_a_curve_goes_to_its_action(opened) -> None:
     box = opened.page.locator("svg[data-chart=sensed]").bounding_box()
     opened.page.mouse.click(box["x"] + box["width"] * 0.12, box["y"] + box["height"] / 2)
@@ -108,7 +178,7 @@ def test_the_map_grows_where_the_level_falls_and_layers_hide(opened) -> None:
 def test_it_fits_every_width_and_scheme(browser, report) -> None:
     opened = Opened(browser, report, viewport={"width": 800, "height": 900}, color_scheme="dark")
     page = opened.ready()
-    for width, scheme in ((800, "dark"), (1280, "dark"), (1280, "light"), (800, "light")):
+    for width, scheme in ((390, "light"), (800, "dark"), (1280, "dark"), (1280, "light"), (800, "light")):
         page.set_viewport_size({"width": width, "height": 900})
         page.emulate_media(color_scheme=scheme)
         assert page.evaluate("document.documentElement.scrollWidth") <= width  # nothing to scroll sideways

@@ -1,1 +1,1 @@
-"""Benchmarks: programs that measure speed and quality; `python -m benchmarks.<name>` runs one."""
+"""Benchmarks: programs that measure speed and quality; `.venv/bin/python -m benchmarks.<name>` runs one."""

@@ -1,4 +1,4 @@
-"""How many sensings a search needs to touch a ball in the paper's organ: `python -m benchmarks.blind_search`.
+"""How many sensings a search needs to touch a ball in the paper's organ: `.venv/bin/python -m benchmarks.blind_search`.
 
 Only geometry counts, without map and readings: before anything is found, what a search does next does not depend on the
 truth, so one sequence of poses is held against any number of planted balls. No planner is told their radius, except in

@@ -1,6 +1,6 @@
 """Is a probability of the map what it says? Reliability over many seeded episodes of the scenario `spheres`.
 
-    python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 10]
+    .venv/bin/python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 10]
         [--gamma-spacing2 0.52 0.70] [--insets off on] [--planner random] [--readings 50]
         [--figure docs/figures/calibration.png]
 

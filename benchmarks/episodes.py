@@ -1,4 +1,4 @@
-"""Many episodes of one scenario and planner, with a summary: `python -m benchmarks.episodes --help`."""
+"""Many episodes of one scenario and planner, with a summary: `.venv/bin/python -m benchmarks.episodes --help`."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 """Inverse kinematics against mink called plainly and SciPy's least squares with restarts, in one run.
 
-    python -m benchmarks.ik [--poses 200]
+    .venv/bin/python -m benchmarks.ik [--poses 200]
 
 Two sets of poses: tips of random collision-free configurations of the default arm, reachable by construction, and
 poses of the liver, both without a stand-off. All methods are held to 1 mm and 1 degree with free roll; `solved` is
 within tolerance and limits, `free` is solved without a forbidden contact. Restarts go on until a solution is found;
 neither mink nor SciPy looks at contacts.
 
-    python -m benchmarks.ik --effort liver sphere
+    .venv/bin/python -m benchmarks.ik --effort liver sphere
 
 solves every pose of a scenario, stand-off included, twice with different sets of starts, and tries those called
 unreachable again from 60 configurations drawn at random.

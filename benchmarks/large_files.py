@@ -1,6 +1,6 @@
 """Large patient files: how long they take to load and how much memory, each in a process of its own.
 
-    python -m benchmarks.large_files --out /tmp/large
+    .venv/bin/python -m benchmarks.large_files --out /tmp/large
 
 It makes label volumes of 512 x 512 x 900 voxels (0.7 x 0.7 x 0.8 mm: thorax to pelvis) as gzipped NIfTI of two types,
 with a liver of two lobes and four tumours, and a mesh of 2 million triangles. Then it prints processor seconds and the

@@ -1,6 +1,7 @@
 """Time, memory and quality as the number of hinges grows, with as many query points as hinges.
 
-    python -m benchmarks.map_scaling [--hinges 361 2890 23120 185000] [--readings 6] [--figure docs/figures/scaling.png]
+    .venv/bin/python -m benchmarks.map_scaling [--hinges 361 2890 23120 185000] [--readings 6]
+        [--figure docs/figures/scaling.png]
 
 There are two ways to grow: `organ`, a larger box at the paper's spacing, and `resolution`, a finer lattice in the
 paper's box. Both have gamma spacing^2 = 0.70 and 3 EM iterations. Each size runs in a process of its own, so that its

@@ -1,6 +1,6 @@
 """Speed and error of the map at the paper's size, against a plain dense form in the same run.
 
-    python -m benchmarks.map_speed [--readings 50] [--threads 1]
+    .venv/bin/python -m benchmarks.map_speed [--readings 50] [--threads 1]
 
 Every row takes in the same cones of 1,000 points on 2,890 hinges with 3 EM iterations and answers with
 mean, variance and probability on all 6,292 points. Errors are the largest differences in probability from

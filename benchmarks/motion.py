@@ -1,6 +1,6 @@
 """Motion between random poses of a scenario: how many straight transfers collide, and what paths in their place cost.
 
-python -m benchmarks.motion --scenario liver --poses 100
+.venv/bin/python -m benchmarks.motion --scenario liver --poses 100
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """Does it help to know how often the sensor errs? Labels are flipped at random, for maps with and without the rates.
 
-python -m benchmarks.noisy_labels [--seeds 20] [--readings 50] [--rate 0.05]
+.venv/bin/python -m benchmarks.noisy_labels [--seeds 20] [--readings 50] [--rate 0.05]
 """
 
 from __future__ import annotations

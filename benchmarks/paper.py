@@ -1,4 +1,4 @@
-"""The paper's tables and figures beside its numbers: `make paper`, or `python -m benchmarks.paper --help`.
+"""The paper's tables and figures beside its numbers: `make paper`, or `.venv/bin/python -m benchmarks.paper --help`.
 
 It takes the campaign of the study `paper`, and rewrites the part of docs/results.md between its markers.
 """

@@ -1,6 +1,6 @@
 """Every patient's liver at hand: it is loaded, laid before the arm, and sensed 30 times.
 
-    python -m benchmarks.patients --write
+    .venv/bin/python -m benchmarks.patients --write
 
 It prints a table and, with --write, puts it into docs/organs.md. Patients are the folders of $SOUNDING_DATA/livers that
 hold a label volume or a mesh; those without tumours are given generated ones.

@@ -1,4 +1,4 @@
-"""What each planner chooses on one seed, from above: `python -m benchmarks.planner_pictures`."""
+"""What each planner chooses on one seed, from above: `.venv/bin/python -m benchmarks.planner_pictures`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Scores along the way, from campaigns: `python -m benchmarks.planner_scores FOLDER ... --at 30 50`.
+"""Scores along the way, from campaigns: `.venv/bin/python -m benchmarks.planner_scores FOLDER ... --at 30 50`.
 
 The scores are the AUPRC after some numbers of actions, which `sounding compare` draws as a curve, the most sensings
 that a trial took, and the time to plan one action.

@@ -1,6 +1,6 @@
 """How long a report takes to be drawn in a browser, from the start of the navigation.
 
-    python -m benchmarks.report_speed renders/first/report.html --loads 7
+    .venv/bin/python -m benchmarks.report_speed renders/first/report.html --loads 7
 
 Chromium runs without a window or a graphics card: the processor draws the page and, by SwiftShader, WebGL. Each load
 has a profile of its own. `drawn` is when the graphics process has finished the first complete picture (pixels can be

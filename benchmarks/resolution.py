@@ -1,6 +1,6 @@
 """How fine should the hinges lie? AUPRC and Dice over hinge spacing and gamma, on one set of readings.
 
-python -m benchmarks.resolution [--seeds 5] [--readings 50] [--figure docs/figures/resolution.png]
+.venv/bin/python -m benchmarks.resolution [--seeds 5] [--readings 50] [--figure docs/figures/resolution.png]
 """
 
 from __future__ import annotations

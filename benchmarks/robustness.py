@@ -1,4 +1,6 @@
-"""Find-and-outline on scenarios that it was not tuned on, with its stopping rule: `python -m benchmarks.robustness`.
+"""Find-and-outline on scenarios that it was not tuned on, with its stopping rule.
+
+Run it by `.venv/bin/python -m benchmarks.robustness`.
 
 Variations of the paper's scenario 1 with a free probe. Every episode runs until the planner is 95 % confident that
 nothing of 8 mm radius or more is left (6 mm where the tumours are that small), or until its actions are used up. So

@@ -1,4 +1,7 @@
-"""Actions against the arm's travel, from the campaign of the study `travel`: `python -m benchmarks.travel --help`."""
+"""Actions against the arm's travel, from the campaign of the study `travel`.
+
+Run it by `.venv/bin/python -m benchmarks.travel --help`.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast trials run, and what takes their time: `python -m benchmarks.trials`.
+"""How fast trials run, and what takes their time: `.venv/bin/python -m benchmarks.trials`.
 
 It runs trials of the paper's scenario 1 in this process, which is one core, and then a campaign with 1 and 2 processes.
 CPU time says what a quiet machine would take, and wall time what this machine took.

@@ -1,4 +1,4 @@
-"""Whether a change of the code left the results as they were: `python -m benchmarks.unchanged --help`.
+"""Whether a change of the code left the results as they were: `.venv/bin/python -m benchmarks.unchanged --help`.
 
 `record` runs a study of all planners and two episodes with the code as it is, and `compare OLD NEW` names the files
 that differ. The commands that `record` runs work in older checkouts too, so OLD can be recorded with the code before.

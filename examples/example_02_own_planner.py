@@ -2,7 +2,7 @@
 
 From the command line, in the folder of this file:
 
-    sounding episode --scenario sphere --planner example_02_own_planner:LeastSure --planner-option n_drawn=200
+    .venv/bin/sounding episode --scenario sphere --planner example_02_own_planner:LeastSure --planner-option n_drawn=200
 """
 
 from collections.abc import Iterator

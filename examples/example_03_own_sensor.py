@@ -2,7 +2,7 @@
 
 From the command line, in the folder of this file:
 
-    sounding episode --sensor example_03_own_sensor:Forgetful --sensor-option miss_rate=0.3
+    .venv/bin/sounding episode --sensor example_03_own_sensor:Forgetful --sensor-option miss_rate=0.3
 """
 
 from dataclasses import dataclass, field, replace

@@ -2,7 +2,7 @@
 
 From the command line, in the folder of this file:
 
-    sounding episode --planner random --map example_04_own_map:NearestPoints --map-option reach_m=0.02
+    .venv/bin/sounding episode --planner random --map example_04_own_map:NearestPoints --map-option reach_m=0.02
 """
 
 from os import PathLike

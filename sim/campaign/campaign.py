@@ -78,6 +78,7 @@ def run_trials(
             open_trials = [trial for trial in study.trials() if _is_open(folder, trial, retry_failed)]
             n_run = 0
             if open_trials:
+                print(_beginning_text(study, len(open_trials), jobs), file=sys.stderr)
                 trials = _with_folders(open_trials, folder) if folders else open_trials
                 with make_engine(engine, n_jobs=jobs, address=address) as running:
                     n_run = _run(running, folder, trials, interrupt, notify)
@@ -92,6 +93,13 @@ def run_trials(
             n_damaged=folder.journal.n_damaged,
             is_interrupted=is_interrupted,
         )
+
+
+def _beginning_text(study: Study, n_open: int, jobs: int) -> str:
+    """What there is to do, before it begins."""
+    done = f", of which {len(study) - n_open} are done" if n_open < len(study) else ""
+    how = "one after the other" if jobs == 1 else f"{jobs} at a time"
+    return f"{study.title}: {len(study)} trials{done}; {n_open} to run, {how}. The bar shows time gone < time left."
 
 
 def _is_open(folder: CampaignFolder, trial: Trial, retry_failed: bool) -> bool:

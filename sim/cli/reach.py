@@ -81,7 +81,7 @@ class Options:
     overwrite: bool = False
     """Replace a run that the folder already holds."""
     parquet: bool = False
-    """Write reach.parquet beside reach.csv, which needs pip install 'sounding[parquet]'."""
+    """Write reach.parquet beside reach.csv, which needs the extra parquet (`sounding doctor` says how to get it)."""
     case: CaseConfig = field(default_factory=CaseConfig)
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
 

@@ -26,7 +26,7 @@ class Options:
     folder: Annotated[Path, tyro.conf.Positional]
     """Folder of a run of `sounding episode`."""
     video: Path | None = None
-    """Video to write (.mp4), which needs pip install 'sounding[video]'."""
+    """Video to write (.mp4), which needs the extra video (`sounding doctor` says how to get it)."""
     fps: int = 25
     """Frames of the video a second, from 1 to 120."""
     speed: float = 4.0

@@ -26,8 +26,8 @@ class Options:
     speed: float = 1.0
     """How many times faster than the run the viewer plays, from 0.01 to 1000."""
     rerun: Path | None = None
-    """Rerun recording to write (.rrd) in place of opening the viewer, which needs pip install 'sounding[rerun]'; the
-    command rerun opens it."""
+    """Rerun recording to write (.rrd) in place of opening the viewer, which needs the extra rerun (see
+    `sounding doctor`); the command rerun opens it."""
 
     def __post_init__(self) -> None:
         """Validate the ranges."""

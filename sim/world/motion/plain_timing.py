@@ -1,9 +1,8 @@
 """Timing without toppra: along the path as fast as speeds and half of the accelerations allow.
 
 The acceleration of a joint is q'(s) s̈ + q''(s) ṡ², where s is the place on the path. Each of the two parts is given
-half of the limit. This bounds x = ṡ² from above and s̈ on both sides, so that one pass forwards and one backwards
-over a grid find the fastest motion within these bounds. It is at most about sqrt(2) times as long as the fastest of
-all.
+half of the limit. This bounds x = ṡ² from above and s̈ on both sides, so that one pass forwards and one backwards over
+a grid find the fastest motion within these bounds. It is at most about sqrt(2) times as long as the fastest of all.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Timing where toppra is not installed: a little slower, on the same way, within the same limits."""
+"""Timing where toppra is not installed: a little slower, and on the same way; for its limits see test_timing.py."""
 
 from __future__ import annotations
 

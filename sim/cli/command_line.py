@@ -11,6 +11,7 @@ import tyro
 
 from planner import PlannerError
 from sim.errors import UsageError
+from sim.streams import safe_streams
 from sim.world.errors import WorldError
 
 from .terminal import BAD_INPUT, in_flags
@@ -37,11 +38,19 @@ DESCRIPTION = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, and return the exit code: 0 done, 2 bad input (one line says what), 130 interrupted."""
+    try:
+        with safe_streams():
+            return _run(list(sys.argv[1:] if arguments is None else arguments))
+    except OSError as error:
+        print(f"sounding: stdout: {error.strerror}. Files were written all the same.", file=sys.stderr)
+        return BAD_INPUT
+
+
+def _run(words: list[str]) -> int:
     from sim.world.scene.gl import adopt_mujoco_gl
 
     # MuJoCo looks at the choice of OpenGL when it is imported.
     adopt_mujoco_gl()
-    words = list(sys.argv[1:] if arguments is None else arguments)
     command = _module(words[0]) if words and words[0] in COMMANDS else None
     try:
         if command is None:

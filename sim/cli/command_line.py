@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
+from importlib import metadata
 from types import ModuleType
 
 import tyro
@@ -12,6 +13,7 @@ import tyro
 from planner import PlannerError
 from sim.errors import UsageError
 from sim.streams import safe_streams
+from sim.suggestions import did_you_mean
 from sim.world.errors import WorldError
 
 from .terminal import BAD_INPUT, in_flags
@@ -53,6 +55,9 @@ def _run(words: list[str]) -> int:
     adopt_mujoco_gl()
     command = _module(words[0]) if words and words[0] in COMMANDS else None
     try:
+        if words[:1] in (["--version"], ["-V"]):
+            print(f"sounding {metadata.version('sounding')}")
+            return 0
         if command is None:
             return _help(words)
         return command.run(command.parse_options(words[1:], f"sounding {words[0]}"))
@@ -88,7 +93,16 @@ def _module(command: str) -> ModuleType:
 
 
 def _help(words: list[str]) -> int:
-    """Tell the commands, or that there is no such command, and end the process."""
+    """Tell the commands, or that there is no such command, and end the process.
+
+    Raises:
+        UsageError: The first word is no command.
+    """
+    if words and not words[0].startswith("-"):
+        raise UsageError(
+            f"{words[0]}: there is no such command. Commands: {', '.join(COMMANDS)}."
+            f"{did_you_mean(words[0], COMMANDS)}"
+        )
     options = {name: _module(name).Options for name in COMMANDS}
     tyro.extras.subcommand_cli_from_dict(
         options, prog="sounding", description=DESCRIPTION, args=words, sort_subcommands=False

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
 from sim.running.config import EpisodeConfig
 from sim.running.parts import make_parts
+from sim.workers import Workers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,12 +73,12 @@ def main(options: Options) -> None:
     """Run the seeds and print."""
     at = tuple(n for n in options.at if n <= options.episode.steps)
     seeds = range(options.first, options.first + options.count)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        jobs = [pool.submit(run_seed, replace(options.episode, seed=seed), at) for seed in seeds]
-        rows = []
-        for job in jobs:
-            rows.append(job.result())
-            print(rows[-1], flush=True)
+    configs = [replace(options.episode, seed=seed) for seed in seeds]
+    rows: list[dict[str, Any]] = []
+    with Workers[EpisodeConfig, dict[str, Any]](partial(run_seed, at=at), n_jobs=options.jobs) as workers:
+        for row in workers.in_order(configs, lost="one seed."):
+            rows.append(row)
+            print(row, flush=True)
     sensings = np.array([row["sensings_to_95"] or np.nan for row in rows], dtype=float)
     done = sensings[np.isfinite(sensings)]
     print(f"never to 95 %: {np.isnan(sensings).mean():.0%} of {len(rows)}")
@@ -95,4 +95,7 @@ def main(options: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    # Worker processes find functions by the name of their module, which is not `__main__` there.
+    from benchmarks import episodes
+
+    episodes.main(tyro.cli(episodes.Options))

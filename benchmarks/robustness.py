@@ -11,9 +11,8 @@ as it ends, so the benchmark, called again, goes on where it was stopped. A chan
 from __future__ import annotations
 
 import math
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +31,7 @@ from sim.episode.episode import Episode
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import Setup, build_setup
 from sim.tables import markdown_table
+from sim.workers import Workers
 from sim.world.sensing.reading import Reading
 
 SENSED = 0.95
@@ -133,15 +133,21 @@ def run_seed(number: int, seed: int, options: Options) -> Entry:
     return {"settings": settings_of(number, seed, options), "row": {"status": "finished", **row}}
 
 
+def _run_case(number_and_seed: tuple[int, int], *, options: Options) -> Entry:
+    return run_seed(*number_and_seed, options)
+
+
 def results(
-    number: int, options: Options, pool: ProcessPoolExecutor, journal: Journal
+    number: int, options: Options, workers: Workers[tuple[int, int], Entry], journal: Journal
 ) -> list[dict[str, Any]]:
     """The episodes of a case, of which those that are not in the journal are run first."""
     seeds = range(options.first_seeds if number == 0 else options.seeds)
     keys = {seed: key_of(settings_of(number, seed, options)) for seed in seeds}
-    jobs = [pool.submit(run_seed, number, seed, options) for seed in seeds if keys[seed] not in journal]
-    for job in tqdm(as_completed(jobs), total=len(jobs), desc=CASES[number].label, unit="episode"):
-        journal.append(job.result())
+    missing = [(number, seed) for seed in seeds if keys[seed] not in journal]
+    with tqdm(total=len(missing), desc=CASES[number].label, unit="episode") as progress:
+        for entry in workers.in_order(missing, lost="one episode."):
+            journal.append(entry)
+            progress.update()
     return [entry["row"] for entry in journal.entries(keys.values())]
 
 
@@ -177,12 +183,19 @@ def main(options: Options) -> None:
     head = ("case", "seeds", "sensings to 95 %", "never", "stopped by itself", "after (range)", "too early")
     rows = []
     options.out.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(options.jobs) as pool, Journal(options.out) as journal:
+    work = partial(_run_case, options=options)
+    with (
+        Workers[tuple[int, int], Entry](work, n_jobs=options.jobs) as workers,
+        Journal(options.out) as journal,
+    ):
         for number in options.cases:
-            rows.append(table_row(number, results(number, options, pool, journal), options))
+            rows.append(table_row(number, results(number, options, workers, journal), options))
             print(" | ".join(rows[-1]), flush=True)
     print(markdown_table(head, rows))
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    # Worker processes find functions by the name of their module, which is not `__main__` there.
+    from benchmarks import robustness
+
+    robustness.main(tyro.cli(robustness.Options))

@@ -5,12 +5,15 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Sequence
+from importlib import metadata
 from types import ModuleType
 
 import tyro
 
 from planner import PlannerError
 from sim.errors import UsageError
+from sim.streams import safe_streams
+from sim.suggestions import did_you_mean
 from sim.world.errors import WorldError
 
 from .terminal import BAD_INPUT, in_flags
@@ -37,13 +40,24 @@ DESCRIPTION = (
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, and return the exit code: 0 done, 2 bad input (one line says what), 130 interrupted."""
+    try:
+        with safe_streams():
+            return _run(list(sys.argv[1:] if arguments is None else arguments))
+    except OSError as error:
+        print(f"sounding: stdout: {error.strerror}. Files were written all the same.", file=sys.stderr)
+        return BAD_INPUT
+
+
+def _run(words: list[str]) -> int:
     from sim.world.scene.gl import adopt_mujoco_gl
 
     # MuJoCo looks at the choice of OpenGL when it is imported.
     adopt_mujoco_gl()
-    words = list(sys.argv[1:] if arguments is None else arguments)
     command = _module(words[0]) if words and words[0] in COMMANDS else None
     try:
+        if words[:1] in (["--version"], ["-V"]):
+            print(f"sounding {metadata.version('sounding')}")
+            return 0
         if command is None:
             return _help(words)
         return command.run(command.parse_options(words[1:], f"sounding {words[0]}"))
@@ -79,7 +93,16 @@ def _module(command: str) -> ModuleType:
 
 
 def _help(words: list[str]) -> int:
-    """Tell the commands, or that there is no such command, and end the process."""
+    """Tell the commands, or that there is no such command, and end the process.
+
+    Raises:
+        UsageError: The first word is no command.
+    """
+    if words and not words[0].startswith("-"):
+        raise UsageError(
+            f"{words[0]}: there is no such command. Commands: {', '.join(COMMANDS)}."
+            f"{did_you_mean(words[0], COMMANDS)}"
+        )
     options = {name: _module(name).Options for name in COMMANDS}
     tyro.extras.subcommand_cli_from_dict(
         options, prog="sounding", description=DESCRIPTION, args=words, sort_subcommands=False

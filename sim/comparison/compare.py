@@ -79,7 +79,7 @@ def compare(
         refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / "compare.md") as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="surrogateescape"))
     write_csv(folder / "compare.csv", flat_rows(comparison))
     figures = [
         path

@@ -90,7 +90,7 @@ def draw_reached(path: Path, comparison: Comparison, case: str) -> bool:
     axes.set(
         xscale="log", xlabel="sensing actions", ylabel="share of trials with 95 % sensed", ylim=(0, 1.02)
     )
-    axes.set_xlim(1, last if last < 1000 else None)
+    axes.set_xlim(1, max(last, 2) if last < 1000 else None)
     axes.legend(frameon=False, fontsize=9, loc="upper left")
     _title(axes, f"Trials that got to 95 %: {case}", groups)
     save(figure, path)

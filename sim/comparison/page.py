@@ -51,7 +51,7 @@ def write_comparison_page(
         views=_views(views, folder),
     )  # fmt: skip
     with replacing(folder / REPORT) as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="surrogateescape"))
     return folder / REPORT
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sim.errors import UsageError
+from sim.suggestions import did_you_mean
 from sim.world.anatomy.case_files import CaseFiles
 from sim.world.text import read_text
 from sim.world.volumes.label_coding import LabelChoice
@@ -18,6 +19,11 @@ from .scenario import LIVER, NAMED_ORGANS, SCENARIOS, Scenario
 if TYPE_CHECKING:
     from sim.world.anatomy.case_files import Body
 
+ORGAN_SUFFIXES = (
+    *(".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".vtk", ".vtp", ".nii", ".nii.gz", ".nrrd", ".nhdr"),
+    *(".mha", ".mhd", ".mgz", ".hdr", ".img", ".dcm"),
+)
+"""How the names of files end that may hold an organ and no scenario."""
 FILE_KEYS = {
     "tumour_files": "tumours",
     "target_files": "targets",
@@ -53,11 +59,10 @@ def load_scenario(name_or_path: str) -> Scenario:
     if name_or_path in SCENARIOS:
         return SCENARIOS[name_or_path]
     path = Path(name_or_path)
+    if path.is_dir():
+        raise UsageError(f"scenario {name_or_path!r}: is a folder. Name a scenario file (.toml) in it.")
     if path.suffix != ".toml":
-        raise UsageError(
-            f"scenario {name_or_path!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file. A scenario that a script "
-            "made in memory has no file: give it as an object again."
-        )
+        raise _no_scenario(name_or_path)
     try:
         table = tomllib.loads(read_text(path))
     except OSError as error:
@@ -65,6 +70,20 @@ def load_scenario(name_or_path: str) -> Scenario:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path}: not a valid TOML file: {error}") from error
     return _from_table(path, table)
+
+
+def _no_scenario(text: str) -> UsageError:
+    """The error of a text that names no scenario, with what may have been meant."""
+    if text.lower().endswith(ORGAN_SUFFIXES):
+        return UsageError(
+            f"scenario {text!r}: is an organ's file and not a scenario. Give it as `organ`, beside or without a "
+            "`scenario`."
+        )
+    return UsageError(
+        f"scenario {text!r}: not one of {', '.join(SCENARIOS)}, nor a .toml file."
+        f"{did_you_mean(text, SCENARIOS)} A scenario that a script made in memory has no file: give it as an object "
+        "again."
+    )
 
 
 def _from_table(path: Path, table: dict[str, Any]) -> Scenario:

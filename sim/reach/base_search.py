@@ -21,7 +21,7 @@ from sim.world.ik.search import IkSearch
 from sim.world.scene.base_room import BaseRoom
 
 from .base_grid import BaseGrid, Stand, base_grid
-from .pose_pool import forked_map
+from .pose_pool import shared_map
 from .workcell import Workcell
 
 QUICK_COMPARED, QUICK_RESTARTS = 2, 13
@@ -122,7 +122,7 @@ def search_base(
     grid = base_grid(judge.search, poses, base_room, question.height_m, n_wanted=n_coarse)
     present = Candidate(stand=Stand.of_frame(workcell.scene.T_world_base), stage="present")
     candidates = [present, *(Candidate(stand=stand, stage="grid") for stand in grid.stands)]
-    with forked_map(judge, n_jobs=question.n_jobs) as share:
+    with shared_map(judge, n_jobs=question.n_jobs) as share:
 
         def tried(bases: Sequence[Candidate]) -> Iterator[Candidate]:
             for candidate in share(bases):

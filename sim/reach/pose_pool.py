@@ -1,35 +1,37 @@
-"""The processes that share the work of a study."""
+"""The poses of a study, shared among worker processes."""
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from planner import Workspace
+from sim.workers import Workers
 from sim.world.ik.search import Answers, IkSearch
 
-_work: dict[str, Callable[[Any], Any]] = {}
-"""What a worker process does. It is inherited by forking, since a MuJoCo model is slow to send."""
+LOST = "the same poses, for example of too little memory. With fewer `jobs` each process has more of it."
 
 
 @contextmanager
-def forked_map(
+def shared_map(
     work: Callable[[Any], Any], *, n_jobs: int
 ) -> Iterator[Callable[[Sequence[Any]], Iterator[Any]]]:
     """A context with a `map` of one function over processes, whose results come in order.
 
     Args:
-        work: What is done with each item. Items and results are sent; what the function closes over is inherited.
-        n_jobs: Processes; with one, or on a system that cannot fork, this process does the work.
+        work: What is done with each item. It is sent to each process once, items and results always.
+        n_jobs: Processes; with one, this process does the work.
+
+    Raises:
+        UsageError: Two worker processes died of the same item.
     """
-    if n_jobs <= 1 or "fork" not in multiprocessing.get_all_start_methods():
+    if n_jobs <= 1:
         yield lambda items: map(work, items)
         return
-    context = multiprocessing.get_context("fork")
-    with context.Pool(n_jobs, initializer=_begin, initargs=(work,)) as pool:
-        yield lambda items: pool.imap(_do, items)
+    with Workers[Any, Any](work, n_jobs=n_jobs) as workers:
+        yield lambda items: workers.in_order(items, lost=LOST)
 
 
 @contextmanager
@@ -44,18 +46,16 @@ def chunk_answers(
         chunks: Which of the poses are solved together.
         n_jobs: Processes that share the chunks.
     """
-
-    def answers(chunk: slice) -> Answers:
-        return search.search(workspace.positions_m[chunk], workspace.normals[chunk])
-
-    with forked_map(answers, n_jobs=min(n_jobs, len(chunks))) as share:
+    with shared_map(_ChunkSearch(search, workspace), n_jobs=min(n_jobs, len(chunks))) as share:
         yield share(chunks)
 
 
-def _begin(work: Callable[[Any], Any]) -> None:
-    """Keep what a worker process does with its items."""
-    _work["do"] = work
+@dataclass(frozen=True, eq=False)
+class _ChunkSearch:
+    """What a worker does with a chunk of poses."""
 
+    search: IkSearch
+    workspace: Workspace
 
-def _do(item: Any) -> Any:
-    return _work["do"](item)
+    def __call__(self, chunk: slice) -> Answers:
+        return self.search.search(self.workspace.positions_m[chunk], self.workspace.normals[chunk])

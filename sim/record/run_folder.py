@@ -72,7 +72,7 @@ class RunFolder(LockedFolder):
 
     def write_text(self, name: str, text: str) -> None:
         """Replace a text file at once."""
-        self._replace(name, text.encode())
+        self._replace(name, text.encode(errors="surrogateescape"))
 
     def write_bytes(self, name: str, content: bytes) -> None:
         """Replace a file at once."""

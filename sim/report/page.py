@@ -41,7 +41,7 @@ def write_report(folder: Path, findings: Findings | None = None) -> Path:
     text = page(record, findings or write_results(record))
     path = folder / REPORT
     with replacing(path) as file:
-        file.write(text.encode())
+        file.write(text.encode(errors="surrogateescape"))
     return path
 
 

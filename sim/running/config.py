@@ -14,6 +14,7 @@ from typing import Literal
 from planner import planner_names
 from sim.errors import FieldError
 from sim.plugs import MAP, PLANNER, SENSOR, is_plug
+from sim.suggestions import did_you_mean
 from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
@@ -246,8 +247,9 @@ class EpisodeConfig:
         kept = self.mapping.map
         if self.planner not in planner_names() and not is_plug(self.planner, PLANNER):
             known = ", ".join(planner_names())
+            remedy = f"choose one of {known}, or name yours as package.module:Class."
             raise FieldError(
-                "planner", self.planner, f"choose one of {known}, or name yours as package.module:Class."
+                "planner", self.planner, f"{remedy}{did_you_mean(self.planner, planner_names())}"
             )
         if self.sensor != CONE and not is_plug(self.sensor, SENSOR):
             raise FieldError("sensor", self.sensor, f"choose {CONE}, or name yours as package.module:Class.")

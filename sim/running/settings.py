@@ -37,6 +37,7 @@ FIELD_OF = {
     "cone_depth_m": "cone_depth_mm",
     "n_tumours": "n_tumours",
     "keepout_distance_m": "keepout_mm",
+    "voxel_spacing_m": "spacing_mm",
 }
 """The field that people set, by the setting of a part that it becomes, for errors."""
 
@@ -118,5 +119,29 @@ def in_fields(config: EpisodeConfig, error: Exception) -> Exception:
     """An error of a part that names the part's own setting, as one that names the field that people set."""
     for part, field in FIELD_OF.items():
         if re.search(rf"(?<!\w){part}(?!\w)", str(error)):
-            return FieldError(field, value_of(config, field), f"{str(error).rstrip('.')}.")
+            value = value_of(config, field)
+            return FieldError(field, value, f"{in_units_of(field, part, str(error)).rstrip('.')}.")
     return UsageError(f"{str(error).rstrip('.')}.")
+
+
+def in_units_of(field: str, part: str, text: str) -> str:
+    """The text of an error about a part's setting, with its range in the unit of the field and without its value.
+
+    Args:
+        field: The field that people set.
+        part: The name of the part's setting.
+        text: What the part says, in SI units.
+    """
+    text = re.sub(rf"^`?{part}`?(=[^:]*:)?\s*|,? got -?[\d.einf+-]+", "", text)
+    text = re.sub(r"^(cone half-angle )?-?[\d.e+-]+ degrees: ", "", text)
+    if not text.startswith("must"):
+        text = f"must be {text}"
+    if field.endswith("_mm"):
+        return re.sub(r"from ([\d.]+) to ([\d.]+) m\b", _in_millimetres, text)
+    if field.endswith("_deg"):
+        return text.replace("0 and pi", "0 and 180 degrees")
+    return text
+
+
+def _in_millimetres(found: re.Match[str]) -> str:
+    return "from {:g} to {:g} mm".format(*(float(each) / MM for each in found.groups()))

@@ -17,8 +17,9 @@ from distributed.scheduler import KilledWorker  # pyright: ignore[reportMissingI
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult, lost_result
 from sim.errors import FieldError
+from sim.workers import POLL_S
 
-from .engine import POLL_S, Engine, Outcome, Work, run_there
+from .engine import Engine, Outcome, Work, run_there
 
 TRIALS_PER_THREAD = 2
 """Trials that each thread of the cluster is given: one runs, and the next is there when it ends."""

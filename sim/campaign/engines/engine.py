@@ -12,10 +12,6 @@ from sim.closeable import Closeable
 
 Work = Callable[[Trial], TrialResult]
 """What a process does with a trial."""
-POLL_S = 0.5
-"""An engine returns this often even when nothing has happened, so that Ctrl-C is heeded."""
-MAX_TRIES = 2
-"""A trial whose worker process dies is tried this many times."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from ray.exceptions import RayError, WorkerCrashedError  # pyright: ignore[repor
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult, lost_result
 from sim.errors import FieldError
+from sim.workers import ENVIRONMENT, MAX_TRIES, POLL_S
 
-from .engine import MAX_TRIES, POLL_S, Engine, Outcome, Work, run_there
-from .local import ENVIRONMENT
+from .engine import Engine, Outcome, Work, run_there
 
 TRIALS_PER_CPU = 2
 """Trials that each processor of the cluster is given: one runs, and the next is there when it ends."""

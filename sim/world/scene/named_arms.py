@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from sim.suggestions import did_you_mean
 from sim.world.optional import optional_module
 
 from .arm import ArmError, ArmModel
@@ -28,12 +29,15 @@ def named_arm(
         base_yaw_rad: How it is turned about the vertical [rad].
 
     Raises:
-        ArmError: The name is `none`, which stands for a probe that no arm carries.
+        ArmError: The name is `none`, which stands for a probe that no arm carries, or nearly one of a known arm.
         MissingPackageError: The package that brings the arm is not installed.
     """
     if arm == "none":
         raise ArmError("`arm` none: a free-flying probe reaches every pose. Name an arm, or `default`.")
     path = NAMED_ARMS[arm]() if arm in NAMED_ARMS else Path(arm)
+    meant = did_you_mean(arm, (*NAMED_ARMS, "none"))
+    if arm not in NAMED_ARMS and meant and not path.exists():
+        raise ArmError(f"`arm` {arm}: no arm of that name, and no such file.{meant}")
     return ArmModel(path=path, flange=flange, base_m=base_m, base_yaw_rad=base_yaw_rad)
 
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from sim.world.frames import quaternion_matrix
 from sim.world.ik.chain import Array, Chain
-from sim.world.scene.clearance import ARM_MARGIN_M, Clearance, Collision, axis_spheres
+from sim.world.scene.clearance import ARM_MARGIN_M, Clearance, Collision
 from sim.world.scene.clearance_meter import ClearanceMeter, Clearances
+from sim.world.scene.geom_shapes import axis_spheres
 from sim.world.scene.scene import Scene
 from sim.world.solids.distance_grid import DistanceGrid
 

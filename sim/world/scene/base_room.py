@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -10,23 +12,40 @@ from sim.world.arms.body_tree import hangs_below
 from sim.world.solids.distance_grid import DistanceGrid
 
 from .arm import ArmError
-from .clearance import ARM_MARGIN_M, surface_points
+from .clearance import ARM_MARGIN_M
+from .geom_shapes import GeomSurface, SphereCover
 from .probe_room import MOUNT
 from .scene import Scene
 from .standing_contact import standing_contact
 
 TABLE_TOLERANCE_M = 1e-3
 """A base that stands on the table may be modelled this much below its own origin."""
+ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
+"""A plane or a height field is no base."""
+
+
+@dataclass(frozen=True, eq=False)
+class _BaseGeom:
+    """A geom of the base in the frame of the mount."""
+
+    shape: GeomSurface | SphereCover
+    at_m: NDArray[np.float64]
+    """Shape (3,)."""
+    R_mount_geom: NDArray[np.float64]
+    """Shape (3, 3)."""
 
 
 class BaseRoom:
     """The part of an arm that its joints do not move, and whether there is room for it."""
 
     def __init__(self, scene: Scene, organ_distance: DistanceGrid) -> None:
-        """Strew points over the base of `scene`'s arm."""
+        """Find the base of `scene`'s arm."""
         model = scene.model
         self._grid = organ_distance
-        self._points_m = _base_points(model)
+        self._geoms = _base_geoms(model)
+        self._points_m = np.vstack(
+            [geom.at_m + geom.shape.points_m @ geom.R_mount_geom.T for geom in self._geoms]
+        )
         table = model.body("table").id
         self._boxes = [
             (model.body_pos[table] + model.geom_pos[geom], model.geom_size[geom])
@@ -42,12 +61,18 @@ class BaseRoom:
             if is_within.all(axis=1).any():
                 lowest_m = float(points_m[is_within[:, :2].all(axis=1), 2].min())
                 return f"in the table, {(centre_m[2] + half_m[2] - lowest_m) * 1e3:.0f} mm below its top"
-        distance_m = float(self._grid.distance_m(points_m).min())
+        distance_m = min(self._organ_distance_m(geom, T_world_base) for geom in self._geoms)
         if distance_m < ARM_MARGIN_M:
             return (
                 f"in the organ, or less than {ARM_MARGIN_M * 1e3:.0f} mm from it ({distance_m * 1e3:+.0f} mm)"
             )
         return None
+
+    def _organ_distance_m(self, geom: _BaseGeom, T_world_base: NDArray[np.float64]) -> float:
+        """How far a geom of the base is from the organ [m]; not measured further beyond the margin."""
+        at_m = T_world_base[:3, :3] @ geom.at_m + T_world_base[:3, 3]
+        R_world_geom = T_world_base[:3, :3] @ geom.R_mount_geom
+        return float(geom.shape.distances_m(self._grid, at_m[None], R_world_geom[None], ARM_MARGIN_M)[0])
 
 
 def check_base_room(scene: Scene, organ_distance: DistanceGrid) -> None:
@@ -66,21 +91,21 @@ def check_base_room(scene: Scene, organ_distance: DistanceGrid) -> None:
         raise ArmError(f"The arm is nowhere free: {contact}")
 
 
-def _base_points(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """Points on the geoms that no joint moves, in the frame of the mount [m], shape (N, 3).
-
-    An arm that has no such geom is taken to stand at its first joint.
-    """
+def _base_geoms(model: mujoco.MjModel) -> list[_BaseGeom]:
+    """The geoms that no joint moves, in the frame of the mount; an arm without any stands at its first joint."""
     data, mount = mujoco.MjData(model), model.body(MOUNT).id
     mujoco.mj_kinematics(model, data)
-    points_m = []
+    R_world_mount = data.xmat[mount].reshape(3, 3)
+    geoms = []
     for geom in range(model.ngeom):
         body = int(model.geom_bodyid[geom])
         is_fixed = model.body_weldid[body] == 0 and hangs_below(model, body, mount)
-        if is_fixed and model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_PLANE:
-            R_world_geom = data.geom_xmat[geom].reshape(3, 3)
-            points_m.append(data.geom_xpos[geom] + surface_points(model, geom) @ R_world_geom.T)
-    if not points_m:
-        points_m.append(data.xanchor[:1])
-    R_world_mount = data.xmat[mount].reshape(3, 3)
-    return (np.vstack(points_m) - data.xpos[mount]) @ R_world_mount
+        if is_fixed and int(model.geom_type[geom]) not in ENDLESS:
+            at_m = (data.geom_xpos[geom] - data.xpos[mount]) @ R_world_mount
+            R_mount_geom = R_world_mount.T @ data.geom_xmat[geom].reshape(3, 3)
+            geoms.append(_BaseGeom(GeomSurface(model, geom), at_m, R_mount_geom))
+    if not geoms:
+        at_m = (data.xanchor[0] - data.xpos[mount]) @ R_world_mount
+        point = SphereCover(np.zeros((1, 3)), np.zeros(1))
+        geoms.append(_BaseGeom(point, at_m, np.eye(3)))
+    return geoms

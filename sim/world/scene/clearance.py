@@ -1,8 +1,9 @@
 """Clearance: how far arm and probe are from touching what they must not touch.
 
 Contacts with the table and of the arm with itself come from MuJoCo. The organ is different: MuJoCo would touch its
-convex hull, so its clearance is read from a signed distance grid of the true surface, at spheres and points that cover
-the geoms of arm and probe. Only the probe's face, within `FACE_RADIUS_M` of the tip, may touch the organ.
+convex hull, so its clearance is read from a signed distance grid of the true surface: at spheres along the capsules of
+the arm, at the triangles of all its other geoms, a mesh's own, and at points on the probe. Only the probe's face,
+within `FACE_RADIUS_M` of the tip, may touch the organ.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from numpy.typing import NDArray
 from sim.world.frames import quaternion_matrix
 from sim.world.solids.distance_grid import DistanceGrid
 
+from .geom_shapes import GeomSurface, SphereCover, axis_spheres
 from .scene import Scene
 
 FACE_RADIUS_M = 0.008
 """The probe's face: the part of the probe that is meant to touch the organ."""
 ARM_MARGIN_M = 0.003
-"""Room kept between organ and arm [m]; it covers the grid's interpolation error and what the spheres leave out."""
+"""Room kept between organ and arm [m]; it covers the grid's interpolation error and what spheres leave out."""
 PROBE_MARGIN_M = 0.0
 """The probe's flanks may come as close as they like, but not under the surface."""
 SURFACE_SPACING_M = 0.004
@@ -32,12 +34,6 @@ PROBE_FAR_M = 0.003
 """The same for the probe, whose work is near the organ."""
 LEAST_SIZE_M = 1e-9
 """An ellipsoid thinner than this is taken for as thin as this [m]."""
-LEAST_SPACING_M = 0.0005
-"""Spheres along a capsule are no nearer to each other than this [m]."""
-MAX_POINTS = 1_000_000
-"""Points that are looked at together, for the sake of memory: those of long, thin geoms in many configurations."""
-MAX_MESH_POINTS = 200
-"""Vertices of an arm's mesh geom that stand for it."""
 
 
 @dataclass(frozen=True)
@@ -59,20 +55,22 @@ class Clearance:
     """Decides whether a state touches what it must not."""
 
     def __init__(self, scene: Scene, organ_distance: DistanceGrid) -> None:
-        """Cover the scene's arm and probe geoms with spheres; `organ_distance` is the organ's distance grid."""
+        """Prepare the shapes of arm and probe; `organ_distance` is the organ's distance grid."""
         model = scene.model
         self._model = model
         self.organ_distance = organ_distance
         self._tip_id = model.site(scene.tip_site).id
         self._geoms = np.array(sorted(scene.arm_geoms), dtype=np.int64)
-        covers = [_cover(model, int(geom), self._tip_id) for geom in self._geoms]
-        self._covers = dict(zip(self._geoms.tolist(), covers, strict=True))
         is_probe = model.geom_bodyid[self._geoms] == model.site_bodyid[self._tip_id]
         self._margin_m = np.where(is_probe, PROBE_MARGIN_M, ARM_MARGIN_M)
-        # The spheres are centred in the geom's frame; how far they reach from its origin bounds each geom.
-        self._bound_m = np.array([np.max(np.linalg.norm(at, axis=1) + radius_m) for at, radius_m in covers])
         self._is_probe = is_probe
-        self._probe_points_m = _in_tip_frame(model, self._geoms[is_probe], self._covers, self._tip_id)
+        self._shapes: dict[int, SphereCover | GeomSurface] = {
+            geom: _shape(model, geom, self._tip_id if probe else None)
+            for geom, probe in zip(self._geoms.tolist(), is_probe.tolist(), strict=True)
+        }
+        # How far a geom reaches from its own origin.
+        self._bound_m = np.array([shape.reach_m for shape in self._shapes.values()])
+        self._probe_points_m = _in_tip_frame(model, self._geoms[is_probe].tolist(), self._tip_id)
 
     def collision(self, data: mujoco.MjData) -> Collision | None:
         """The worst forbidden contact of a state, or None when it is free.
@@ -88,9 +86,12 @@ class Clearance:
         near_m = self.organ_distance.distance_m(data.geom_xpos[self._geoms]) - self._bound_m
         for index in np.flatnonzero(near_m < self._margin_m):
             geom = int(self._geoms[index])
-            at, radius_m = self._covers[geom]
-            points_m = data.geom_xpos[geom] + at @ data.geom_xmat[geom].reshape(3, 3).T
-            distance_m = float(np.min(self.organ_distance.distance_m(points_m) - radius_m))
+            R_world_geom = data.geom_xmat[geom].reshape(1, 3, 3)
+            distance_m = float(
+                self._shapes[geom].distances_m(
+                    self.organ_distance, data.geom_xpos[geom : geom + 1], R_world_geom
+                )[0]
+            )
             if distance_m < self._margin_m[index]:
                 return Collision((self.name(geom), "organ"), distance_m)
         return None
@@ -152,19 +153,21 @@ class Clearance:
         """
         arm = self._geoms[~self._is_probe]
         n = len(geoms_m)
-        bound_m = self.organ_distance.distance_m(geoms_m[:, arm].reshape(-1, 3)).reshape(n, -1)
-        bound_m -= self._bound_m[~self._is_probe]
-        for column, geom in enumerate(arm):
-            near = np.flatnonzero(bound_m[:, column] < FAR_M)
-            if not len(near):
-                continue
-            at, radius_m = self._covers[int(geom)]
-            for rows in np.array_split(near, int(np.ceil(len(near) * len(at) / MAX_POINTS))):
-                world_m = geoms_m[rows, geom][:, None] + at @ R_world_geoms[rows, geom].transpose(0, 2, 1)
-                distances_m = self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(at))
-                bound_m[rows, column] = (distances_m - radius_m).min(axis=1)
         if not len(arm):
             return np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+        bound_m = self.organ_distance.distance_m(geoms_m[:, arm].reshape(-1, 3)).reshape(n, -1)
+        bound_m -= self._bound_m[~self._is_probe]
+        least_m = np.full(n, FAR_M)
+        # Triangles take longer than spheres, and are held against what these left.
+        for column in np.argsort([isinstance(self._shapes[geom], GeomSurface) for geom in arm.tolist()]):
+            geom = int(arm[column])
+            near = np.flatnonzero(bound_m[:, column] < least_m)
+            if not len(near):
+                continue
+            bound_m[near, column] = self._shapes[geom].distances_m(
+                self.organ_distance, geoms_m[near, geom], R_world_geoms[near, geom], least_m[near]
+            )
+            least_m[near] = np.minimum(least_m[near], bound_m[near, column])
         closest = np.argmin(bound_m, axis=1)
         return bound_m[np.arange(n), closest], arm[closest]
 
@@ -174,61 +177,42 @@ class Clearance:
         return self._model.geom(geom).name or body
 
 
-def _in_tip_frame(
-    model: mujoco.MjModel,
-    geoms: NDArray[np.int64],
-    covers: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]]],
-    tip_id: int,
-) -> dict[int, NDArray[np.float64]]:
-    """The cover points of each of the probe's geoms in the tip's frame [m], shape (N, 3)."""
+def _in_tip_frame(model: mujoco.MjModel, geoms: list[int], tip_id: int) -> dict[int, NDArray[np.float64]]:
+    """The points of each of the probe's geoms in the tip's frame [m], shape (N, 3)."""
     R_body_tip = quaternion_matrix(model.site_quat[tip_id])
-    points_m = {}
-    for geom in geoms.tolist():
-        in_body_m = covers[geom][0] @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]
-        points_m[geom] = (in_body_m - model.site_pos[tip_id]) @ R_body_tip
-    return points_m
+    return {
+        geom: (_in_body(model, geom, _probe_points(model, geom, tip_id)) - model.site_pos[tip_id])
+        @ R_body_tip
+        for geom in geoms
+    }
 
 
-def _cover(model: mujoco.MjModel, geom: int, tip_id: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sphere centres in the geom's frame (N, 3) [m] and radii (N,) [m] that stand for one geom."""
-    is_probe = model.geom_bodyid[geom] == model.site_bodyid[tip_id]
+def _shape(model: mujoco.MjModel, geom: int, tip_id: int | None) -> SphereCover | GeomSurface:
+    """What stands for one geom: points if it is the probe's, with that tip."""
+    if tip_id is not None:
+        points_m = _probe_points(model, geom, tip_id)
+        return SphereCover(points_m, np.zeros(len(points_m)))
     # int() for MuJoCo's enums: `in` compares them with NumPy's integers the wrong way round and finds nothing.
-    if not is_probe and int(model.geom_type[geom]) in (
-        int(mujoco.mjtGeom.mjGEOM_CAPSULE),
-        int(mujoco.mjtGeom.mjGEOM_SPHERE),
-    ):
-        return axis_spheres(model, geom)
+    if int(model.geom_type[geom]) in (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_SPHERE)):
+        return SphereCover(*axis_spheres(model, geom))
+    return GeomSurface(model, geom)
+
+
+def _probe_points(model: mujoco.MjModel, geom: int, tip_id: int) -> NDArray[np.float64]:
+    """Points on one of the probe's geoms, but not on its face, in the geom's frame [m], shape (N, 3)."""
     points_m = surface_points(model, geom)
-    if is_probe:
-        in_body_m = points_m @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]
-        points_m = points_m[np.linalg.norm(in_body_m - model.site_pos[tip_id], axis=1) > FACE_RADIUS_M]
-    return points_m, np.zeros(len(points_m))
+    from_tip_m = _in_body(model, geom, points_m) - model.site_pos[tip_id]
+    return points_m[np.linalg.norm(from_tip_m, axis=1) > FACE_RADIUS_M]
 
 
-def axis_spheres(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Spheres along a capsule's axis, half a radius apart, so that they miss at most 3 % of its radius.
-
-    Those of a wire are half a millimetre apart: what they miss is less than that.
-
-    Returns:
-        Centres in the geom's frame [m], shape (N, 3), and radii [m], shape (N,); one sphere for a sphere.
-    """
-    radius_m = float(model.geom_size[geom, 0])
-    is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
-    half_m = float(model.geom_size[geom, 1]) if is_capsule else 0.0
-    n = int(np.ceil(min(4.0 * half_m / radius_m, 2.0 * half_m / LEAST_SPACING_M))) + 1
-    z_m = np.linspace(-half_m, half_m, n) if is_capsule else np.zeros(1)
-    return np.column_stack([0 * z_m, 0 * z_m, z_m]), np.full(len(z_m), radius_m)
+def _in_body(model: mujoco.MjModel, geom: int, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points in a geom's frame, taken to its body's [m], shape (N, 3)."""
+    return points_m @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]
 
 
 def surface_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
     """Points on a geom's surface in its own frame [m], shape (N, 3)."""
     kind, size = model.geom_type[geom], model.geom_size[geom]
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[geom]
-        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        vertices_m = model.mesh_vert[first : first + count].astype(np.float64)
-        return vertices_m[:: max(1, count // MAX_MESH_POINTS)]
     # Every other primitive is a convex body about its centre: shoot an even set of directions at its boundary.
     n = int(np.clip(4.0 * np.pi * (float(np.max(size)) / SURFACE_SPACING_M) ** 2, 60, 250))
     directions = _even_directions(n)

@@ -11,6 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.solids.surface_distance import halve_triangles
+
+from .geom_shapes import mesh_triangles
+
 Array = NDArray[np.float64]
 
 FAR_M = 10.0
@@ -43,13 +47,9 @@ def overlap_m(model: mujoco.MjModel, data: mujoco.MjData, round_geom: int, geom:
 
 def _triangles_in(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame_geom: int) -> Array:
     """The triangles of a mesh in the frame of another geom [m], shape (N, 3 corners, 3)."""
-    mesh = int(model.geom_dataid[geom])
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    vertices_m = model.mesh_vert[first : first + count].astype(np.float64)
     R_world_geom, R_world_frame = (data.geom_xmat[each].reshape(3, 3) for each in (geom, frame_geom))
-    world_m = data.geom_xpos[geom] + vertices_m @ R_world_geom.T
-    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    return ((world_m - data.geom_xpos[frame_geom]) @ R_world_frame)[model.mesh_face[first : first + count]]
+    world_m = data.geom_xpos[geom] + mesh_triangles(model, geom) @ R_world_geom.T
+    return (world_m - data.geom_xpos[frame_geom]) @ R_world_frame
 
 
 def _winding(triangles_m: Array) -> float:
@@ -74,7 +74,7 @@ def _least_distance_m(triangles_m: Array, model: mujoco.MjModel, geom: int) -> f
         bound_m = distance_m - reach_m
         rows = np.flatnonzero((reach_m > LEAF_M) & (bound_m < min(least_m - LEAF_M, 0.0)))
         rows = rows[np.argsort(bound_m[rows])[:MAX_LEAVES]]
-        triangles_m = _halves(triangles_m[rows])
+        triangles_m = halve_triangles(triangles_m[rows])
     return least_m
 
 
@@ -89,12 +89,3 @@ def _round_distance_m(model: mujoco.MjModel, geom: int, points_m: Array) -> Arra
         return np.hypot(across_m, np.maximum(beyond_m, 0.0)) - radius_m
     outside_m = np.hypot(np.maximum(across_m - radius_m, 0.0), np.maximum(beyond_m, 0.0))
     return outside_m + np.minimum(np.maximum(across_m - radius_m, beyond_m), 0.0)
-
-
-def _halves(triangles_m: Array) -> Array:
-    """Triangles cut in two at the middle of their longest edge, shape (2 N, 3, 3)."""
-    lengths_m = np.linalg.norm(np.roll(triangles_m, -1, axis=1) - triangles_m, axis=2)
-    order = (lengths_m.argmax(axis=1)[:, None] + np.arange(3)) % 3
-    a, b, c = np.take_along_axis(triangles_m, order[..., None], axis=1).transpose(1, 0, 2)
-    middle = (a + b) / 2.0
-    return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])

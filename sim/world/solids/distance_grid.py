@@ -1,6 +1,7 @@
 """Signed distance to an organ on a lattice, read by interpolation: cheap enough for every IK step."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,6 +77,12 @@ class DistanceGrid:
         if is_beyond.any():
             value[is_beyond] = np.sqrt(squared[is_beyond] + value[is_beyond] ** 2)
         return value
+
+    @cached_property
+    def deepest(self) -> tuple[NDArray[np.float64], float]:
+        """The node deepest inside the solid [m], shape (3,), and how deep it is [m]; negative where none is inside."""
+        index = np.unravel_index(np.argmin(self.values_m), self.values_m.shape)
+        return self.origin_m + self.spacing_m * np.array(index), -float(self.values_m[index])
 
     def _interpolated(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         _, ny, nz = self.values_m.shape

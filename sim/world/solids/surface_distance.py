@@ -135,13 +135,14 @@ def divide_triangles(solid: Solid, spacing_m: float) -> tuple[NDArray[np.float64
         owners.append(owner[~is_long])
         is_wide = is_long & ~is_narrow
         strips, of_strip = _cut_in_strips(corners[is_narrow], lengths[is_narrow], 0.5 * spacing_m)
-        corners = np.concatenate([_halve(corners[is_wide], lengths[is_wide]), strips])
+        corners = np.concatenate([halve_triangles(corners[is_wide]), strips])
         owner = np.concatenate([owner[is_wide], owner[is_wide], owner[is_narrow][of_strip]])
     return np.concatenate(pieces), np.concatenate(owners)
 
 
-def _halve(corners: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Triangles cut across their longest edge: the first halves, then the second, shape (2 N, 3, 3)."""
+def halve_triangles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Triangles cut across their longest edge: the first halves, then the second, shape (2 N, 3 corners, 3)."""
+    lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     a, b, c = _corners_from(corners, lengths.argmax(axis=1))
     middle = 0.5 * (a + b)
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])

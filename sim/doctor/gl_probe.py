@@ -1,7 +1,8 @@
 """Which OpenGL renders here: each is tried in a process of its own, since a failing one can end the process.
 
 With its library missing, MUJOCO_GL=egl makes even `import mujoco` fail. It runs by
-`.venv/bin/python -m sim.doctor.gl_probe` to print what works; the exit code is 0 if frames can be rendered without a display.
+`.venv/bin/python -m sim.doctor.gl_probe` to print what works; the exit code is 0 if frames can be rendered without a
+display.
 """
 
 import json

@@ -108,7 +108,7 @@ class RunFolder(LockedFolder):
 def describe_machine() -> dict[str, Any]:
     """The versions, commit, platform and BLAS threads, which whoever repeats a run needs to know."""
     return {
-        "sounding": metadata.version("sounding"),
+        "sounding": _version("sounding"),
         "commit": _commit(),
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -119,7 +119,7 @@ def describe_machine() -> dict[str, Any]:
 
 
 def _version(package: str) -> str | None:
-    """The version of a package; None where it is not installed, as toppra on some systems."""
+    """The version of a package; None where it is not installed: toppra on some systems, Sounding in a bare clone."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import os
+from importlib import metadata
 
 import numpy as np
 import pytest
 
 from sim.errors import UsageError
 from sim.record.ownership import check_out_folder
-from sim.record.run_folder import RunFolder
+from sim.record.run_folder import RunFolder, describe_machine
 
 
 def test_a_folder_is_a_valid_unfinished_run_from_the_start(tmp_path) -> None:
@@ -133,3 +134,19 @@ def test_a_manifest_that_lists_files_elsewhere_removes_none_of_them(tmp_path) ->
     with RunFolder(tmp_path / "run", overwrite=True):
         pass
     assert (tmp_path / "precious.txt").read_text() == "mine"
+
+
+def test_a_package_that_is_not_installed_has_no_version_and_stops_nobody(monkeypatch) -> None:
+    """A clone that was never installed ended with a traceback, and so would a system without toppra."""
+    known = metadata.version
+
+    def version(name: str) -> str:
+        if name in ("sounding", "toppra"):
+            raise metadata.PackageNotFoundError(name)
+        return known(name)
+
+    monkeypatch.setattr(metadata, "version", version)
+    machine = describe_machine()
+    assert machine["sounding"] is None
+    assert machine["packages"]["toppra"] is None
+    assert machine["packages"]["numpy"] == known("numpy")

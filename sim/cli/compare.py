@@ -25,13 +25,14 @@ class Options:
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders that `sounding trials` wrote."""
     out: Path | None = None
-    """Folder to write to; by default compare in the first of the folders."""
+    """Folder to write to; by default compare in the first of the folders, with the names of the others behind."""
     seeds: str | None = None
     """Seeds to look at, for example 0:10, which leaves 10 out; by default all."""
     reference: str | None = None
     """Contender with which all others are paired; by default all are paired with each other."""
     view_seed: int | None = None
-    """Run this seed of each contender again, and draw its map and poses from above and from the side."""
+    """Run this seed of each contender again, and draw its map and poses from above and from the side, which takes as
+    long as these episodes: up to a minute or so for each."""
     jobs: int = 2
     """Number of processes that draw the views."""
 

@@ -14,6 +14,14 @@ from sim.errors import FieldError, UsageError
 
 from .terminal import parse
 
+EXAMPLES = """
+sounding compare renders/paper
+sounding compare renders/one renders/another --out renders/both
+sounding compare renders/paper --reference random --seeds 0:10
+sounding compare renders/paper --view-seed 4              # runs seed 4 of each contender again
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -50,7 +58,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

@@ -15,6 +15,13 @@ from sim.running.case import CaseConfig
 
 from .terminal import NOT_USABLE, in_flags, parse
 
+EXAMPLES = """
+sounding inspect liver.nii.gz
+sounding inspect liver.nii.gz --organ-label 1 --tumour-label 2
+sounding inspect liver.stl --tumour tumour.stl --out liver.png
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -61,7 +68,7 @@ def shows(picture: Path, file: Path) -> bool:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

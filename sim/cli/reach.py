@@ -38,6 +38,15 @@ REACH_ROWS = (
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
 
+EXAMPLES = """
+sounding reach                                            # the embedded arm and the embedded liver
+sounding reach --organ liver.nii.gz --tilt-deg 15         # with the probe off the normal
+sounding reach --base-search 200                          # where should the base stand?
+sounding reach --arm default ur5e                         # two arms in one table
+sounding reach --arm my_arm.xml --flange hand --base-mm 0 -100 0
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -173,7 +182,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

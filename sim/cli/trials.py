@@ -20,6 +20,14 @@ from .terminal import INTERRUPTED, in_flags, parse
 if TYPE_CHECKING:
     from sim.campaign.campaign import CampaignSummary
 
+EXAMPLES = """
+sounding trials --scenario sphere --planner random find-and-outline --arm none --trials 20
+sounding trials --study paper --dry-run                   # how many trials, and how long they take
+sounding trials --study paper --jobs 2                    # again after a kill: it goes on
+sounding trials --study study.toml --out renders/mine
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -128,7 +136,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

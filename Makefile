@@ -6,7 +6,7 @@ STEPS ?= 30
 SEED ?= 0
 ARM ?= default
 FRAMES ?= each
-OUT ?= renders/$(notdir $(basename $(SCENARIO)))-$(PLANNER)-$(SEED)
+OUT ?=
 ARGS ?=
 JOBS ?= 2
 TESTS ?=
@@ -31,10 +31,10 @@ setup:
 setup-dev:
 	@sh .ci/setup dev
 
-# An earlier run of the same name is replaced only if OUT was not given by hand.
+# Without OUT the command takes a new folder, so that no earlier run is replaced.
 episode: setup
-	@.venv/bin/sounding episode --scenario $(SCENARIO) --planner $(PLANNER) --steps $(STEPS) --seed $(SEED) \
-		--arm $(ARM) --frames $(FRAMES) --out $(OUT) $(if $(filter file,$(origin OUT)),--overwrite) $(ARGS)
+	@.venv/bin/sounding episode --scenario '$(SCENARIO)' --planner '$(PLANNER)' --steps $(STEPS) --seed $(SEED) \
+		--arm '$(ARM)' --frames $(FRAMES) $(if $(OUT),--out '$(OUT)') $(ARGS)
 
 # The campaign goes on where it was stopped; after a change of the code, ARGS=--overwrite begins it anew.
 paper:

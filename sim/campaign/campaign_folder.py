@@ -11,6 +11,7 @@ from typing import Any
 from mapping.storage import replacing
 from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.errors import UsageError
+from sim.record.default_folders import is_free
 from sim.record.locked_folder import LockedFolder
 from sim.record.run_folder import describe_machine
 from sim.running.parts import scenario_of
@@ -126,6 +127,23 @@ def read_study(path: Path) -> dict[str, Any] | None:
     if content.get("format") != FORMAT:
         raise UsageError(f"{path / STUDY}: format {content.get('format')}, but this version reads {FORMAT}.")
     return content
+
+
+def can_hold(path: Path, study: Study) -> bool:
+    """Whether a folder is free, or holds a campaign that a study can go on with."""
+    if is_free(path):
+        return True
+    try:
+        before = read_study(path)
+    except UsageError:
+        return False
+    if before is None or not (path / JOURNAL).is_file():
+        return False
+    inputs = _inputs(study)
+    if any(before["inputs"].get(name, content) != content for name, content in inputs.items()):
+        return False
+    with Journal(path / JOURNAL) as journal:
+        return journal.keys() <= {trial.key for trial in study.trials()}
 
 
 def _inputs(study: Study) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from sim.errors import UsageError
 from sim.running.fields import converted
+from sim.suggestions import did_you_mean
 from sim.world.text import read_text
 
 from .study import Part, Study, option_names, parse_seeds
@@ -41,7 +42,10 @@ def load_study(name_or_path: str, overrides: Mapping[str, Any] | None = None) ->
     """
     path = STUDIES_DIR / f"{name_or_path}.toml" if name_or_path in study_names() else Path(name_or_path)
     if path.suffix != ".toml":
-        raise UsageError(f"study {name_or_path!r}: not one of {', '.join(study_names())}, nor a .toml file.")
+        raise UsageError(
+            f"study {name_or_path!r}: not one of {', '.join(study_names())}, nor a .toml file."
+            f"{did_you_mean(name_or_path, study_names())}"
+        )
     try:
         text = read_text(path)
         table = tomllib.loads(text)

@@ -34,7 +34,11 @@ COMMANDS = {
 """The module of each command, which has `Options`, `parse_options` and `run`."""
 DESCRIPTION = (
     "Sounding plans where a robot arm presses an ultrasound-like probe on an organ, so that hidden tumours are "
-    "mapped in few sensing actions."
+    "mapped in few sensing actions.\n\nExamples:\n"
+    "    sounding doctor            # what is installed, and what renders\n"
+    "    sounding episode           # a first run; the last lines name its folder\n"
+    "    sounding episode --help    # the options of a command, after examples of it\n"
+    "    sounding --version\n"
 )
 
 

@@ -14,6 +14,14 @@ from sim.errors import FieldError, UsageError
 
 from .terminal import parse
 
+EXAMPLES = """
+sounding compare renders/paper
+sounding compare renders/one renders/another --out renders/both
+sounding compare renders/paper --reference random --seeds 0:10
+sounding compare renders/paper --view-seed 4              # runs seed 4 of each contender again
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -25,13 +33,14 @@ class Options:
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Folders that `sounding trials` wrote."""
     out: Path | None = None
-    """Folder to write to; by default compare in the first of the folders."""
+    """Folder to write to; by default compare in the first of the folders, with the names of the others behind."""
     seeds: str | None = None
     """Seeds to look at, for example 0:10, which leaves 10 out; by default all."""
     reference: str | None = None
     """Contender with which all others are paired; by default all are paired with each other."""
     view_seed: int | None = None
-    """Run this seed of each contender again, and draw its map and poses from above and from the side."""
+    """Run this seed of each contender again, and draw its map and poses from above and from the side, which takes as
+    long as these episodes: up to a minute or so for each."""
     jobs: int = 2
     """Number of processes that draw the views."""
 
@@ -49,7 +58,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

@@ -7,6 +7,11 @@ from dataclasses import dataclass
 
 from .terminal import parse
 
+EXAMPLES = """
+sounding doctor
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -15,7 +20,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

@@ -40,6 +40,16 @@ MOST_LESIONS = 12
 """Tumours that are told one by one; findings.json has all."""
 
 Options = EpisodeConfig
+EXAMPLES = """
+sounding episode                                          # 30 actions on the embedded liver
+sounding episode --scenario sphere --planner random --arm none --steps 5
+sounding episode --organ liver.nii.gz --tumour-label 2    # a patient's label volume
+sounding episode --organ liver.stl --tumour tumour.stl --frames each
+sounding episode --until-confident 0.95 --steps 200       # stop when nothing is left to find
+sounding episode --motion servo --steps 5                 # with the arm's motion simulated
+sounding episode --config renders/first/config.json --seed 1
+"""
+"""What the help begins with."""
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
@@ -54,7 +64,7 @@ def parse_options(arguments: Sequence[str], prog: str) -> EpisodeConfig:
     if path is not None:
         anew = [name for name in ("planner", "sensor", "map") if given_word(arguments, name) is not None]
         default = without_options_of(read_config(Path(path)), anew)
-    return parse(EpisodeConfig, arguments, prog=prog, default=default)
+    return parse(EpisodeConfig, arguments, prog=prog, examples=EXAMPLES, default=default)
 
 
 def run(options: EpisodeConfig) -> int:

@@ -13,6 +13,12 @@ from sim.errors import FieldError, UsageError
 
 from .terminal import parse
 
+EXAMPLES = """
+sounding export renders/first --out for_slicer
+sounding export renders/first --threshold 0.9 --out for_slicer
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -40,7 +46,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

@@ -15,6 +15,13 @@ from .terminal import NOT_REACHED, note, parse
 
 Triple = tuple[float, float, float]
 
+EXAMPLES = """
+sounding ik --position-mm 500 0 120
+sounding ik --position-mm 500 0 120 --normal 0 0.3 -1 --standoff-mm 60
+sounding ik --position-mm 500 0 120 --arm my_arm.xml --flange hand
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -58,7 +65,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

@@ -10,9 +10,17 @@ from typing import Annotated
 import tyro
 
 from sim.errors import FieldError
+from sim.record.default_folders import file_part, first_path
 from sim.running.case import CaseConfig
 
 from .terminal import NOT_USABLE, in_flags, parse
+
+EXAMPLES = """
+sounding inspect liver.nii.gz
+sounding inspect liver.nii.gz --organ-label 1 --tumour-label 2
+sounding inspect liver.stl --tumour tumour.stl --out liver.png
+"""
+"""What the help begins with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +34,8 @@ class Options:
     file: Annotated[Path, tyro.conf.Positional]
     """Mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd, .nhdr)."""
     out: Path | None = None
-    """Picture to draw (.png); by default renders/inspect-<name>.png."""
+    """Picture to draw (.png); by default renders/inspect-<name>.png, with a number behind the name where that shows
+    another file."""
     case: CaseConfig = field(default_factory=CaseConfig)
 
     def __post_init__(self) -> None:
@@ -39,13 +48,27 @@ class Options:
 
     @property
     def picture(self) -> Path:
-        """The PNG to draw."""
-        return self.out or Path("renders") / f"inspect-{self.file.name.split('.')[0]}.png"
+        """The PNG to draw: the one that is named, or the first of the file's name that shows no other file."""
+        if self.out is not None:
+            return self.out
+        name = f"inspect-{file_part(str(self.file))}.png"
+        return first_path(name, lambda path: not path.exists() or shows(path, self.file))
+
+
+def shows(picture: Path, file: Path) -> bool:
+    """Whether a PNG is known to show a file."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(picture) as image:
+            return image.info.get("Source") == str(file.absolute())
+    except (OSError, UnidentifiedImageError):
+        return False
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

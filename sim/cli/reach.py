@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
+from sim.record.default_folders import default_folder, file_part
 from sim.running.arm_place import arm_standing, check_base
 from sim.running.case import MM, AnatomyConfig, CaseConfig, scenario_changes
+from sim.running.config import EpisodeConfig
+from sim.running.settings import in_fields
 
 from .terminal import INTERRUPTED, aligned_lines, note, parse
 
@@ -34,6 +37,15 @@ REACH_ROWS = (
     ("poses a second", "poses_per_s", "{:.0f}"),
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
+
+EXAMPLES = """
+sounding reach                                            # the embedded arm and the embedded liver
+sounding reach --organ liver.nii.gz --tilt-deg 15         # with the probe off the normal
+sounding reach --base-search 200                          # where should the base stand?
+sounding reach --arm default ur5e                         # two arms in one table
+sounding reach --arm my_arm.xml --flange hand --base-mm 0 -100 0
+"""
+"""What the help begins with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +89,8 @@ class Options:
     jobs: int = 2
     """Number of processes that share the poses; the answers do not depend on it."""
     out: Path | None = None
-    """Folder to write to; by default renders/reach-<scenario>."""
+    """Folder to write to; by default renders/reach-<scenario>-<arm>, without the arm where it is the embedded one, and
+    with a number behind where that is taken."""
     overwrite: bool = False
     """Replace a run that the folder already holds."""
     parquet: bool = False
@@ -120,13 +133,21 @@ class Options:
         return self.flange[index if len(self.flange) > 1 else 0] if self.flange else None
 
     def out_folder(self, scenario: Scenario) -> Path:
-        """The folder that the options name, or the one that names the scenario."""
-        return self.out or Path("renders") / f"reach-{scenario.name}"
+        """The folder that the options name, or a new one that names scenario and arm."""
+        if self.out is not None:
+            return self.out
+        arms = [file_part(arm) for arm in self.arm if len(self.arm) > 1 or arm != "default"]
+        return default_folder(
+            "-".join(["reach", scenario.name, *arms]), _recorded(self), overwrite=self.overwrite
+        )
 
     def make_scenario(self) -> Scenario:
         """The scenario with what the command line changes about it."""
         changes = scenario_changes(self.organ, self.case, self.anatomy)
-        return dataclasses.replace(load_scenario(self.scenario), **changes)
+        try:
+            return dataclasses.replace(load_scenario(self.scenario), **changes)
+        except UsageError as error:
+            raise in_fields(EpisodeConfig(case=self.case, anatomy=self.anatomy), error) from error
 
     def make_arm(self, index: int) -> ArmModel:
         """One of the arms, where it stands."""
@@ -161,7 +182,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

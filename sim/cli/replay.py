@@ -14,6 +14,13 @@ from sim.errors import FieldError
 
 from .terminal import INTERRUPTED, parse
 
+EXAMPLES = """
+sounding replay renders/first                             # a line for each action
+sounding replay renders/first --video first.mp4
+sounding replay renders/first --video first.mp4 --speed 1 --fps 50
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -52,7 +59,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

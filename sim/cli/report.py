@@ -13,6 +13,12 @@ from sim.errors import UsageError
 
 from .terminal import parse
 
+EXAMPLES = """
+sounding report renders/first
+sounding report renders/first renders/second
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -34,7 +40,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

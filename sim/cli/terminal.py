@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import re
 import sys
 import textwrap
@@ -22,7 +23,12 @@ _IN_BACKTICKS = re.compile(r"`(\w+)`")
 
 
 def parse(
-    options_class: type[Options], arguments: Sequence[str], *, prog: str, default: Options | None = None
+    options_class: type[Options],
+    arguments: Sequence[str],
+    *,
+    prog: str,
+    examples: str,
+    default: Options | None = None,
 ) -> Options:
     """The options that the command line gives; where it cannot be understood, the process ends with a message.
 
@@ -30,11 +36,19 @@ def parse(
         options_class: A dataclass. The groups in it are flattened, so that no flag has a prefix.
         arguments: What was typed after the command.
         prog: The command, for usage and messages.
+        examples: Command lines with which the help begins, one a line.
         default: Values of all options that are not given; by default those of the class.
     """
     more: dict[str, Any] = {} if default is None else {"default": default}
+    shown = "".join(f"    {line}\n" for line in examples.strip().splitlines())
+    more["description"] = f"Examples:\n{shown}\n{_in_paragraphs(inspect.getdoc(options_class) or '')}"
     with _readable_help(options_class):
         return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
+
+
+def _in_paragraphs(text: str) -> str:
+    """A docstring with each paragraph on one line, which the terminal breaks where it ends."""
+    return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
 
 
 def _readable_help(options_class: type[Any]) -> ConstructorRegistry:

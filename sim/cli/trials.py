@@ -20,6 +20,14 @@ from .terminal import INTERRUPTED, in_flags, note, parse
 if TYPE_CHECKING:
     from sim.campaign.campaign import CampaignSummary
 
+EXAMPLES = """
+sounding trials --scenario sphere --planner random find-and-outline --arm none --trials 20
+sounding trials --study paper --dry-run                   # how many trials, and how long they take
+sounding trials --study paper --jobs 2                    # again after a kill: it goes on
+sounding trials --study study.toml --out renders/mine
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -56,7 +64,8 @@ class Options:
     own as package.module:Class; by default that of the study, or without a study when-needed where `until_sensed` ends
     the episodes, since only the share sensed counts then, and always otherwise."""
     out: Path | None = None
-    """Folder to write to; by default renders/<study>, or renders/trials without a study."""
+    """Folder to write to; by default renders/<study>, or renders/trials without a study, with a number behind where
+    that holds another study. A study that was begun goes on in its folder."""
     jobs: int = 2
     """Number of processes; the rows do not depend on it."""
     engine: EngineName = "local"
@@ -99,10 +108,14 @@ class Options:
         return Study("trials", (Part(given),))
 
     def out_folder(self, study: Study) -> Path:
-        """The folder that the options name, or the one that names the study."""
+        """The folder that the options name, or the first of the study's name that holds no other study."""
         if self.out is not None:
             return self.out
-        return Path("renders") / (Path(self.study).stem if self.study is not None else study.title)
+        from sim.campaign.campaign_folder import can_hold
+        from sim.record.default_folders import first_path
+
+        name = Path(self.study).stem if self.study is not None else study.title
+        return first_path(name, lambda path: can_hold(path, study))
 
     def _given(self) -> dict[str, Any]:
         """The values of an episode's options that the command line names."""
@@ -123,7 +136,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

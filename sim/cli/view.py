@@ -13,6 +13,12 @@ from sim.errors import FieldError
 
 from .terminal import INTERRUPTED, parse
 
+EXAMPLES = """
+sounding view renders/first                               # needs a display
+sounding view renders/first --rerun first.rrd             # needs none
+"""
+"""What the help begins with."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -39,7 +45,7 @@ class Options:
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
     """The options that the command line gives."""
-    return parse(Options, arguments, prog=prog)
+    return parse(Options, arguments, prog=prog, examples=EXAMPLES)
 
 
 def run(options: Options) -> int:

@@ -57,7 +57,7 @@ def compare(
 
     Args:
         folders: One or more folders that `run_trials` or `sounding trials` wrote.
-        out: Folder to write to; by default `compare` in the first of them.
+        out: Folder to write to; by default `compare` in the first of them, with the names of the others behind it.
         seeds: Seeds to look at; None for all.
         reference: Contender with which all others are paired; None for all pairs.
         view_seed: Seed of each contender to run again, to draw its map and poses from above and from the side.
@@ -74,7 +74,7 @@ def compare(
     comparison = compare_groups(groups, reference=reference)
     notes = notes_on(campaigns)
     text = markdown(comparison, notes)
-    folder = campaigns[0] / "compare" if out is None else Path(out)
+    folder = _default_folder(campaigns) if out is None else Path(out)
     if not (folder / "compare.csv").is_file():
         refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -92,6 +92,10 @@ def compare(
         figures += draw_views(views, comparison, view_seed, jobs)
     write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views)
     return CompareSummary(text, folder, tuple(figures))
+
+
+def _default_folder(campaigns: Sequence[Path]) -> Path:
+    return campaigns[0] / "-".join(["compare", *(slug(path.resolve().name) for path in campaigns[1:])])
 
 
 def draw_views(folder: Path, comparison: Comparison, seed: int, n_jobs: int) -> list[Path]:

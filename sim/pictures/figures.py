@@ -207,10 +207,16 @@ def make_plain(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG whose bytes depend only on the picture, and not on the version that drew it."""
-    quick = {"compress_level": 3}
-    figure.savefig(path, dpi=DPI, facecolor="white", metadata={"Software": None}, pil_kwargs=quick)
+def save(figure: Figure, path: Path, *, source: str | None = None) -> None:
+    """Write a figure as a PNG whose bytes depend only on the picture, and not on the version that drew it.
+
+    Args:
+        figure: The figure.
+        path: The PNG.
+        source: The file that the picture shows, which the PNG then names.
+    """
+    quick, marks = {"compress_level": 3}, {"Software": None} | ({} if source is None else {"Source": source})
+    figure.savefig(path, dpi=DPI, facecolor="white", metadata=marks, pil_kwargs=quick)
 
 
 def _by_rising_recall(

@@ -93,10 +93,12 @@ def compare_arms(
 
 
 def folder_names(arms: Sequence[str]) -> list[str]:
-    """A name for each arm, none twice: the arm's own, or that of its file."""
+    """A name for each arm, none twice: its own, or that of its file, with its folder's where two have one name."""
     names: list[str] = []
-    for arm in arms:
-        stem = arm if arm in NAMED_ARMS else Path(arm).stem
+    stems = [arm if arm in NAMED_ARMS else Path(arm).stem for arm in arms]
+    for arm, stem in zip(arms, stems, strict=True):
+        if stems.count(stem) > 1 and arm not in NAMED_ARMS:
+            stem = f"{Path(arm).absolute().parent.name}-{stem}".lstrip("-")
         taken = sum(name == stem or name.startswith(f"{stem}-") for name in names)
         names.append(f"{stem}-{taken + 1}" if taken else stem)
     return names

@@ -200,7 +200,8 @@ class EpisodeConfig:
     frames: Frames = "none"
     """Pictures of the scene to draw: each (one per action), last (only the final one), or none."""
     out: Path | None = None
-    """Folder to write to; by default renders/<scenario>-<planner>-<seed>."""
+    """Folder to write to; by default renders/<scenario>-<planner>-<arm>-<seed>, without the arm where it is the
+    embedded one, and with a number behind where that is taken."""
     config: Path | None = None
     """Take the options of an earlier run from its config.json; options that are given beside it take precedence."""
     case: CaseConfig = field(default_factory=CaseConfig)

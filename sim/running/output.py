@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sim.record.default_folders import default_folder, file_part
+
 from .config import EpisodeConfig, Frames
 from .parts import EpisodeParts
+
+DEFAULT_ARM = "default"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,10 +31,12 @@ class Output:
 
 
 def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:
-    """What a configuration writes, and where: by default to a folder that is named by scenario, planner and seed."""
-    planner = str(parts.names["planner"]).rpartition(":")[2]
+    """What a configuration writes, and where: by default to a new folder that is named by what runs."""
+    words = [parts.scenario.name, file_part(str(parts.names["planner"]))]
+    words += [] if config.arm == DEFAULT_ARM else [file_part(config.arm)]
+    name = "-".join([*words, str(config.seed)])
     return Output(
-        folder=config.out or Path("renders") / f"{parts.scenario.name}-{planner}-{config.seed}",
+        folder=config.out or default_folder(name, options, overwrite=config.output.overwrite),
         options=options,
         frames=config.frames,
         report=config.output.report,

@@ -65,7 +65,7 @@ def inspect(files: CaseFiles, picture: Path) -> Inspection:
     lines += [f"- {notice}" for notice in loaded.notices]
     lines += ["", "Not usable as it is:", *(f"- {each}" for each in problems)] if problems else []
     picture.parent.mkdir(parents=True, exist_ok=True)
-    draw_inspection(picture, loaded, title=organ.name)
+    draw_inspection(picture, loaded, title=organ.name, source=str(organ.absolute()))
     lines += ["", f"drawn to {picture}"]
     return Inspection(text="\n".join(lines), is_usable=not problems)
 

@@ -31,7 +31,7 @@ LIGHT = 0.55
 """Least brightness of a triangle seen edge on."""
 
 
-def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
+def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str, source: str | None = None) -> None:
     """Write three views of an anatomy as a PNG: what is in the organ shows through it.
 
     Args:
@@ -50,7 +50,7 @@ def draw_inspection(path: Path, loaded: LoadedAnatomy, *, title: str) -> None:
     handles += [Patch(color=STRUCTURE, label="structures")] if False in kinds else []
     handles += [Patch(color=KEEPOUT, label="must not be pressed")] if True in kinds else []
     figure.legend(handles=handles, loc="outside lower left", ncols=5, frameon=False, fontsize=9)
-    save(figure, path)
+    save(figure, path, source=source)
 
 
 def draw_view(axes: Axes, loaded: LoadedAnatomy, index: int) -> None:

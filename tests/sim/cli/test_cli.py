@@ -202,7 +202,7 @@ def meshes(tmp_path_factory) -> Path:
         (["--steps", "0"], "--steps 0"),
         (["--seed", "-1"], "--seed -1"),
         (["--until-sensed", "1.5"], "--until-sensed 1.5"),
-        (["--cone-half-angle-deg", "95"], "95 degrees"),
+        (["--cone-half-angle-deg", "95"], "--cone-half-angle-deg 95.0: must be from 1 to 80 degrees"),
         (["--prior-prevalence", "1.5"], "1.5"),
         (["--arm", "{m}/no_arm.xml"], "no_arm.xml: no such arm file"),
         (["--arm", "default", "--flange", "hand"], "no site or body named 'hand'.*flange"),

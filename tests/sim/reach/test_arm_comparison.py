@@ -57,7 +57,7 @@ def test_the_markdown_is_a_table(folder) -> None:
 
 
 def test_names_are_never_given_twice() -> None:
-    assert folder_names(["default", "a/x.xml", "b/x.xml"]) == ["default", "x", "x-2"]
+    assert folder_names(["default", "a/x.xml", "b/x.xml"]) == ["default", "a-x", "b-x"]
     assert arms_table([dict.fromkeys(COLUMNS, None) | {"arm": "x", "best_base": ""}]).count("\n") == 3
 
 

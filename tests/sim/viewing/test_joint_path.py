@@ -48,7 +48,7 @@ def test_the_table_takes_the_tip_where_the_run_had_it(run, tmp_path, capsys) -> 
             mujoco.mj_kinematics(model, data)
             np.testing.assert_allclose(data.site("probe_tip").xpos, motion.tips_m[index], atol=1e-9)
         begin_s += motion.motion_s + recording.sensing_s
-    assert step == N_ARM_ACTIONS
+    assert int(rows[-1]["step"]) == N_ARM_ACTIONS
 
 
 def test_the_message_says_the_same_as_the_table(run, tmp_path) -> None:

@@ -82,10 +82,14 @@ class Options:
     """Mesh or label volume that replaces the scenario's organ."""
     tilt_deg: float = 0.0
     """Try poses that are not reached again with the probe tilted off the normal by up to this [degrees]."""
+    standoff_mm: float = 40.0
+    """Distance above each pose from which the probe approaches it [mm], where the arm has to be free too; with 0 only
+    the poses are solved."""
     restarts: int = 40
     """Number of starts after the first before a pose is called unreachable, from 0 to 119."""
     seed: int = 0
-    """Seed of the set of starts, which should change nothing, and of the search for a base."""
+    """Seed of the set of starts, and of the search for a base. Another one changes which of several answers is found,
+    and so the scores of some poses, but hardly which poses are reached."""
     jobs: int = 2
     """Number of processes that share the poses; the answers do not depend on it."""
     out: Path | None = None
@@ -102,6 +106,8 @@ class Options:
         """Validate the ranges."""
         if not 0.0 <= self.tilt_deg <= 80.0:
             raise FieldError("tilt_deg", self.tilt_deg, "must be from 0 to 80 degrees.")
+        if not 0.0 <= self.standoff_mm <= 500.0:
+            raise FieldError("standoff_mm", self.standoff_mm, "must be from 0 to 500 mm.")
         if not 0 <= self.restarts <= 119:
             raise FieldError("restarts", self.restarts, "must be from 0 to 119.")
         if not 1 <= self.jobs <= 64:
@@ -170,6 +176,7 @@ class Options:
         )
         return StudySettings(
             max_tilt_rad=math.radians(self.tilt_deg),
+            standoff_m=self.standoff_mm * MM,
             max_restarts=self.restarts,
             seed=self.seed,
             n_jobs=self.jobs,
@@ -255,7 +262,10 @@ def _base_lines(summary: Mapping[str, Any]) -> list[str]:
         lines.append("  organ's inside seen {:.1%}, from the present base {:.1%}".format(*shares))
     if found["best_stage"] == "present":
         return [*lines, "  no candidate is better than the present base"]
-    return [*lines, f"  to put the base there: {_base_flags(found['best_base'])}"]
+    lines.append(f"  to put the base there: {_base_flags(found['best_base'])}")
+    if (overhang_mm := found["best_overhang_m"] / MM) >= 1.0:
+        lines.append(f"  there it stands across the table's edge, {overhang_mm:.0f} mm of it beyond")
+    return lines
 
 
 def _base_flags(place: Mapping[str, Any]) -> str:

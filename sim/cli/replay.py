@@ -26,7 +26,8 @@ sounding replay renders/first --video first.mp4 --speed 1 --fps 50
 class Options:
     """Show what happened in a run, from its recorded states.
 
-    A line per action is printed and checked against the table of the run; with --video an MP4 is rendered as well.
+    A line per action is printed and checked against the table of the run; with --video an MP4 is rendered as well, and
+    with --joints the path of the joints is written.
     Nothing is planned or solved again.
     """
 
@@ -34,6 +35,8 @@ class Options:
     """Folder of a run of `sounding episode`."""
     video: Path | None = None
     """Video to write (.mp4), which needs the extra video (`sounding doctor` says how to get it)."""
+    joints: Path | None = None
+    """File to write the timed path of the joints to: a table (.csv), or a JointTrajectory of ROS 2 (.json)."""
     fps: int = 25
     """Frames of the video a second, from 1 to 120."""
     speed: float = 4.0
@@ -55,6 +58,8 @@ class Options:
                 raise FieldError(name, value, f"must be an even number from 64 to {most}.")
         if self.video is not None and self.video.suffix.lower() != ".mp4":
             raise FieldError("video", self.video, "must end with .mp4.")
+        if self.joints is not None and self.joints.suffix.lower() not in (".csv", ".json"):
+            raise FieldError("joints", self.joints, "must end with .csv or .json.")
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
@@ -65,9 +70,14 @@ def parse_options(arguments: Sequence[str], prog: str) -> Options:
 def run(options: Options) -> int:
     """Print the replay, render it where a video is wanted, and return the exit code."""
     from sim.record.recording import read_recording
+    from sim.viewing.joint_path import joint_path, write_joint_path
     from sim.viewing.replay import replay_table
 
     recording = read_recording(options.folder)
+    if options.joints is not None:
+        path = joint_path(recording)
+        write_joint_path(path, options.joints)
+        print(f"wrote {len(path.time_s)} positions of {len(path.names)} joints to {options.joints}")
     if options.video is None:
         print(replay_table(recording))
         return 0

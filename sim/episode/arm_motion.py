@@ -259,12 +259,14 @@ def make_motion_model(
     if setup.arm is None or not isinstance(positioner, ArmPositioner):
         return JumpMotion(positioner, setup.scene.tip_site, None, settings)
     is_slide = model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)
-    limits = JointLimits.of_arm(setup.arm.path, is_slide, settings)
+    names = [model.joint(joint).name.removeprefix("arm_") for joint in range(model.njnt)]
+    limits = JointLimits.of_arm(setup.arm.path, is_slide, settings, names=names)
     if kind == "none":
         return JumpMotion(positioner, setup.scene.tip_site, limits, settings)
     search = positioner.search
     paths = PathSearch(search, PathCheck(setup.scene, search.chain, search.meter, search.clearance))
-    timer = PathTimer(search.chain, JointLimits.of_arm(setup.arm.path, search.chain.is_slide, settings))
+    chain = search.chain
+    timer = PathTimer(chain, JointLimits.of_arm(setup.arm.path, chain.is_slide, settings, names=chain.names))
     travel = Travel(positioner, limits, settings)
     if kind == "kinematic":
         return PathMotion(positioner, paths, timer, settings, travel)

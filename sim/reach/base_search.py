@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import Cone, Workspace, visibility
-from sim.world.ik.attempts import comfort_score
 from sim.world.ik.search import IkSearch
 from sim.world.scene.base_room import BaseRoom
 
 from .base_grid import BaseGrid, Stand, base_grid
 from .pose_pool import shared_map
+from .score import PoseScore
 from .workcell import Workcell
 
 QUICK_COMPARED, QUICK_RESTARTS = 2, 13
@@ -184,6 +184,8 @@ class _Judge:
         aloft = workcell.scene.T_world_base.copy()
         aloft[2, 3] += 20.0
         self.search = search.with_settings(quick).at_base(aloft).with_new_starts()
+        # It does not depend on where the base stands.
+        self._score = PoseScore(self.search.chain)
         self._poses = poses
         self._sees = _seen_points(workcell, poses, rng)
 
@@ -192,8 +194,8 @@ class _Judge:
         search = self.search.at_base(candidate.stand.T_world_base)
         answers = search.search(self._poses.positions_m, self._poses.normals)
         is_reached = answers.is_reached
-        room = search.chain.limit_room(answers.q[:, search.chain.columns]).min(axis=1)
-        score = np.where(is_reached, comfort_score(room, answers.clearance_m), 0.0)
+        score = self._score(answers.q[:, search.chain.columns], answers.clearance_m)
+        score = np.where(is_reached, score, 0.0)
         return replace(
             candidate,
             reached_fraction=float(is_reached.mean()),

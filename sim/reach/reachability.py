@@ -11,12 +11,12 @@ from tqdm import tqdm
 
 from planner import Workspace
 from sim.world.frames import frames_along
-from sim.world.ik.attempts import comfort_score
 from sim.world.ik.result import IkResult, IkStatus
 from sim.world.ik.search import CHUNK, Answers, IkSearch
 
 from .pose_pool import chunk_answers
 from .regions import contact_regions
+from .score import PoseScore
 
 TILT_STEPS = 2
 """Tilts that are tried of a pose that is not reached: half of the largest, and the largest."""
@@ -39,7 +39,7 @@ class ReachStudy:
     clearance_m: NDArray[np.float64]
     """Least distance of the arm to table, organ and itself [m], at most 0.1, NaN where not reached, shape (N,)."""
     score: NDArray[np.float64]
-    """Comfort from 0 to 1; NaN where not reached, shape (N,)."""
+    """From 0 to 1, see `PoseScore`; NaN where not reached, shape (N,)."""
     n_solutions: NDArray[np.int64]
     """Distinct answers among the first starts, shape (N,)."""
     region: NDArray[np.int64]
@@ -84,7 +84,7 @@ def study_reach(
     search_s = perf_counter() - start_s
     is_reached, q = answers.is_reached, answers.q[:, search.chain.columns]
     limit_room = np.where(is_reached, search.chain.limit_room(q).min(axis=1), np.nan)
-    score = comfort_score(limit_room, answers.clearance_m)
+    score = np.where(is_reached, PoseScore(search.chain)(q, answers.clearance_m), np.nan)
     return ReachStudy(
         results=answers.results,
         is_reached=is_reached,

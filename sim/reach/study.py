@@ -21,6 +21,7 @@ from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
 from sim.world.scene.arm import ArmModel
+from sim.world.scene.base_room import BaseRoom
 from sim.world.scene.named_arms import named_arm
 
 from .base_figures import draw_bases
@@ -53,6 +54,8 @@ class StudySettings:
     """Poses that are not reached are tried again with the beam tilted off the normal by up to this [rad]."""
     max_restarts: int = 40
     """Starts after the first before a pose is called unreachable."""
+    standoff_m: float = IkSettings.standoff_m
+    """Each pose has to be reached from this far above it too [m]; 0 leaves that out."""
     seed: int = 0
     """Seed of the set of starts, and of the search for a base."""
     n_jobs: int = 2
@@ -108,7 +111,11 @@ def study_arm(
 ) -> ArmStudy:
     """Study the arm of a workcell, write the study's folder, and return the study."""
     start_s = perf_counter()
-    search = workcell.make_search(IkSettings(max_restarts=settings.max_restarts, start_seed=settings.seed))
+    search = workcell.make_search(
+        IkSettings(
+            max_restarts=settings.max_restarts, start_seed=settings.seed, standoff_m=settings.standoff_m
+        )
+    )
     with RunFolder(out, overwrite=settings.overwrite) as folder:
         folder.begin(
             _config(settings, workcell) | {"notices": list(workcell.notices)}, {"seed": settings.seed}
@@ -156,6 +163,7 @@ def _summary(
         "arm": name,
         "seed": settings.seed,
         "jobs": settings.n_jobs,
+        "standoff_m": settings.standoff_m,
         "n_joints": search.chain.n_joints,
         **Stand.of_frame(workcell.scene.T_world_base).rounded().in_millimetres(),
         **study_summary(study),
@@ -173,9 +181,12 @@ def _search_base(
         folder.append_row("bases.csv", row)
     reached = (best_reached_fraction, present_fraction)
     draw_bases(folder.path / "bases.png", workcell, found, question, reached=reached)
-    return {"objective": question.objective} | base_summary(
-        found, best_reached_fraction=best_reached_fraction
-    )
+    room = BaseRoom(workcell.scene, workcell.organ_distance)
+    return {
+        "objective": question.objective,
+        "best_overhang_m": room.overhang_m(found.best.stand.T_world_base),
+        **base_summary(found, best_reached_fraction=best_reached_fraction),
+    }
 
 
 def _decided(

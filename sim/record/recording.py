@@ -36,6 +36,8 @@ class Recording:
     """How long the probe stays at the end of each motion."""
     sensed_m: NDArray[np.float64]
     """Positions of the poses that were sensed, shape (n_steps, 3) [m]."""
+    motion_kind: str
+    """How the arm moved: `none` where it jumped, `kinematic` or `servo`."""
 
     @property
     def duration_s(self) -> float:
@@ -80,6 +82,7 @@ def read_recording(folder: Path) -> Recording:
         motions=motions,
         sensing_s=float(options["sensing_s"]),
         sensed_m=np.array(sensed_m).reshape(-1, 3),
+        motion_kind=str(options.get("motion", "none")),
     )
 
 

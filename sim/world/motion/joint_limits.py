@@ -1,9 +1,15 @@
-"""Limits of speed and acceleration of an arm's joints, which MJCF has no place for."""
+"""Limits of speed and acceleration of an arm's joints.
+
+MJCF has no place for them. URDF has one for speeds, which MuJoCo drops, so they are read from the file itself.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +39,32 @@ class JointLimits:
 
     @classmethod
     def of_arm(
-        cls, arm_path: Path, is_slide: NDArray[np.bool_], settings: MotionSettings | None = None
+        cls,
+        arm_path: Path,
+        is_slide: NDArray[np.bool_],
+        settings: MotionSettings | None = None,
+        *,
+        names: Sequence[str] = (),
     ) -> JointLimits:
         """Published limits for the embedded arm, `OTHER_SPEED` and `OTHER_ACCELERATION` for any other.
 
+        Speeds that a URDF file states come before `OTHER_SPEED`.
+
         Args:
-            arm_path: MJCF file of the arm.
+            arm_path: MJCF or URDF file of the arm.
             is_slide: Which joints of the chain slide, shape (n,).
             settings: May name one limit for all joints.
+            names: The joints' names in the file, n of them; none where nothing is to be looked up.
         """
         settings = settings or MotionSettings()
         is_panda = is_embedded(arm_path)
         share = np.where(is_slide, SLIDE_SHARE, 1.0)
         speed = np.array(PANDA_SPEED) if is_panda else OTHER_SPEED * share
+        stated = urdf_speeds(arm_path) if names else {}
+        if stated:
+            speed = np.array(
+                [stated.get(name, other) for name, other in zip(names, speed.tolist(), strict=True)]
+            )
         acceleration = np.array(PANDA_ACCELERATION) if is_panda else OTHER_ACCELERATION * share
         if settings.joint_speed is not None:
             speed = np.full(len(is_slide), settings.joint_speed)
@@ -62,6 +81,30 @@ class JointLimits:
         is_short = distance <= self.speed**2 / self.acceleration
         short_s = 2.0 * np.sqrt(distance / self.acceleration)
         return np.where(is_short, short_s, distance / self.speed + self.speed / self.acceleration)
+
+
+def urdf_speeds(path: Path) -> dict[str, float]:
+    """Speeds that a URDF file states for its joints by their names [rad/s, for slides m/s]; none for another file.
+
+    A speed of 0, or one that is no number, states nothing.
+    """
+    if path.suffix != ".urdf":
+        return {}
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError):
+        # The file was read by MuJoCo before, which is laxer about XML.
+        return {}
+    speeds = {}
+    for joint in root.iter("joint"):
+        limit = joint.find("limit")
+        try:
+            speed = float(limit.get("velocity", "")) if limit is not None else math.nan
+        except ValueError:
+            continue
+        if math.isfinite(speed) and speed > 0.0:
+            speeds[joint.get("name", "")] = speed
+    return speeds
 
 
 def is_embedded(arm_path: Path) -> bool:

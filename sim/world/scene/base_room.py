@@ -68,6 +68,15 @@ class BaseRoom:
             )
         return None
 
+    def overhang_m(self, T_world_base: NDArray[np.float64]) -> float:
+        """How far a base with this frame, shape (4, 4), hangs over the table's edge [m]; 0 on it or beside it."""
+        points_m = self._points_m @ T_world_base[:3, :3].T + T_world_base[:3, 3]
+        centre_m, half_m = max(self._boxes, key=lambda box: box[1][0] * box[1][1])
+        beyond_m = np.abs(points_m[:, :2] - centre_m[:2]) - half_m[:2]
+        outside_m = np.linalg.norm(np.maximum(beyond_m, 0.0), axis=1)
+        is_over_table = (outside_m == 0.0).any()
+        return float(outside_m.max()) if is_over_table else 0.0
+
     def _organ_distance_m(self, geom: _BaseGeom, T_world_base: NDArray[np.float64]) -> float:
         """How far a geom of the base is from the organ [m]; not measured further beyond the margin."""
         at_m = T_world_base[:3, :3] @ geom.at_m + T_world_base[:3, 3]

@@ -61,6 +61,7 @@ class Clearance:
         self.organ_distance = organ_distance
         self._tip_id = model.site(scene.tip_site).id
         self._geoms = np.array(sorted(scene.arm_geoms), dtype=np.int64)
+        self._is_fixed = model.body_weldid[model.geom_bodyid] == 0
         is_probe = model.geom_bodyid[self._geoms] == model.site_bodyid[self._tip_id]
         self._margin_m = np.where(is_probe, PROBE_MARGIN_M, ARM_MARGIN_M)
         self._is_probe = is_probe
@@ -145,7 +146,7 @@ class Clearance:
         """How far the arm, without the probe, is from the organ in many configurations.
 
         Args:
-            geoms_m: Positions of all geoms of the scene [m], shape (N, n_geoms, 3).
+            geoms_m: Positions of all geoms of the scene [m], shape (N, n_geoms, 3), the base in one place.
             R_world_geoms: Their orientations, shape (N, n_geoms, 3, 3).
 
         Returns:
@@ -164,8 +165,10 @@ class Clearance:
             near = np.flatnonzero(bound_m[:, column] < least_m)
             if not len(near):
                 continue
+            # The base stands in the same place in all of them.
+            rows, far_m = (near[:1], FAR_M) if self._is_fixed[geom] else (near, least_m[near])
             bound_m[near, column] = self._shapes[geom].distances_m(
-                self.organ_distance, geoms_m[near, geom], R_world_geoms[near, geom], least_m[near]
+                self.organ_distance, geoms_m[rows, geom], R_world_geoms[rows, geom], far_m
             )
             least_m[near] = np.minimum(least_m[near], bound_m[near, column])
         closest = np.argmin(bound_m, axis=1)

@@ -218,7 +218,8 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
         return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
     turn_rad = scenario.organ_turn_rad
     if scenario.organ_placing == "best":
-        turn_rad = best_turn_rad(organ, arm)
+        cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+        turn_rad = best_turn_rad(organ, arm, cone)
     return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
 
 

@@ -15,7 +15,9 @@ from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, sav
 from scipy.spatial.transform import Rotation
 from shared_runs import without_figures
 
+from planner import Cone, visible_points
 from sim.cli.command_line import main
+from sim.episode.best_turn import best_turn_rad
 from sim.episode.scenario import SCENARIOS
 from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import build_setup, make_workspace, placed_organ
@@ -24,10 +26,10 @@ from sim.record.map_volumes import MapArrays, map_volumes, read_maps
 from sim.running.fields import config_of
 from sim.running.parts import scenario_of
 from sim.world.anatomy.placement import pose_matrix, turned
-from sim.world.anatomy.surface import upper_surface_area_m2
 from sim.world.anatomy.tumour_load import draw_lits_diameters
 from sim.world.anatomy.tumours import plant_load
 from sim.world.errors import AnatomyError
+from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -236,13 +238,28 @@ def test_the_organ_lies_as_the_pose_says():
             scenario_of(config_of(organ_pose=words))
 
 
-def test_the_best_pose_of_a_plate_on_edge_shows_its_face(tmp_path):
-    # Anterior up, 40 x 120 mm of it face up; its faces have 160 x 120, and tilted it shows an edge besides.
+def seen_share(scenario):
+    """The share of the organ that the cones of all poses see."""
+    placed, _ = placed_organ(scenario, None)
+    points_m = placed.organ.sample_inside(3000, np.random.default_rng(1))
+    cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+    return visible_points(make_workspace(scenario, placed), cone, points_m).mean()
+
+
+def test_the_best_pose_of_a_plate_on_edge_lets_the_cones_see_more(tmp_path):
+    # Anterior up it stands on edge, 160 mm high, and the cones reach 130 mm; tilted they see it from its face too.
     box = trimesh.creation.box((40.0, 160.0, 120.0)).subdivide_to_size(20.0)
     box.export(tmp_path / "plate.stl")
-    best = scenario_of(config_of(organ=tmp_path / "plate.stl", organ_pose=("best",)))
-    placed, _ = placed_organ(best, None)
-    assert upper_surface_area_m2(placed.organ, np.random.default_rng(0)) >= 0.160 * 0.120
+    plain, best = (
+        seen_share(scenario_of(config_of(organ=tmp_path / "plate.stl", organ_pose=words)))
+        for words in ((), ("best",))
+    )
+    assert best > plain + 0.05
+
+
+def test_where_no_turn_lets_the_cones_see_more_the_organ_stays_as_it_is(tmp_path):
+    ball = Solid.from_trimesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
+    assert best_turn_rad(ball, None, Cone(np.deg2rad(15.0), 0.13)) == (0.0, 0.0, 0.0)
 
 
 def test_a_turn_by_nothing_is_anterior_up():

@@ -357,3 +357,9 @@ def test_an_organ_with_next_to_no_points_to_score_is_refused(tmp_path):
     (tmp_path / "coarse.toml").write_text(f'organ = "{organ}"\nscore_spacing_m = 0.02\n')
     with pytest.raises(AnatomyError, match=r"only \d points of the lattice of 20 mm.*`score_spacing_m`"):
         build_setup(load_scenario(str(tmp_path / "coarse.toml")))
+
+
+def test_an_organ_thinner_than_the_lattice_is_refused(tmp_path):
+    trimesh.creation.box((160.0, 2.0, 120.0)).subdivide_to_size(10.0).export(tmp_path / "leaf.stl")
+    with pytest.raises(AnatomyError, match="thinner than the lattice of 3 mm"):
+        build_setup(scenario_of(config_of(organ=tmp_path / "leaf.stl")))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError
 from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
-from sim.running.case import MM, metres
+from sim.running.case import MM, AnatomyConfig, CaseConfig, metres, scenario_changes
 
 from .terminal import NOT_REACHED, note, parse
 
@@ -38,6 +40,8 @@ class Options:
     """Distance above the pose from which the probe approaches it [mm]; with 0 only the pose is solved."""
     scenario: str = "liver"
     """Scenario whose organ lies before the arm: sphere, spheres, liver, or the path of a scenario file (.toml)."""
+    organ: Path | None = None
+    """Mesh or label volume that replaces the scenario's organ."""
     arm: str = "default"
     """Arm: default (the embedded one with 7 joints), ur5e (with the extra `arms`), or the path of an MJCF file."""
     flange: str | None = None
@@ -47,10 +51,13 @@ class Options:
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0
     """Angle by which the base is turned about the vertical [degrees]."""
+    case: CaseConfig = field(default_factory=CaseConfig)
+    anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
         check_base(self.base_mm, self.base_yaw_deg)
+        self.case.check(self.organ)
         if not all(math.isfinite(value) and abs(value) <= MAX_POSITION_MM for value in self.position_mm):
             raise FieldError(
                 "position_mm",
@@ -76,9 +83,10 @@ def run(options: Options) -> int:
     arm = arm_standing(
         options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg
     )
-    workcell = build_workcell(load_scenario(options.scenario), arm)
-    for notice in workcell.notices:
-        note(notice)
+    changes = scenario_changes(options.organ, options.case, options.anatomy)
+    workcell = build_workcell(dataclasses.replace(load_scenario(options.scenario), **changes), arm)
+    for text in workcell.notices:
+        note(text)
     explanation = explain_pose(
         workcell, metres(options.position_mm), options.normal, standoff_m=options.standoff_mm * MM
     )

@@ -87,7 +87,7 @@ class Scenario:
     organ_turn_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """How the organ on the table is turned from anterior up: about the world's x, then y, then z [rad]."""
     organ_placing: Placing = "table"
-    """`table` lays the organ as turned, `best` the way up that brings its largest surface within the arm's reach."""
+    """`table` lays the organ as turned, `best` the way up in which the cones of poses within reach see most."""
 
     def __post_init__(self) -> None:
         """Validate the values."""

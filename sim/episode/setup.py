@@ -138,7 +138,7 @@ def build_setup(
     hinges, query = _lattices(scenario, placed, map_settings.hinge_spacing_m)
     is_inside = organ.contains(query.points_m())
     search_points_m = query.points_m()[is_inside]
-    _check_scored(len(search_points_m), scenario)
+    _check_scored(query, len(search_points_m), scenario)
     return Setup(
         scenario=scenario,
         organ=organ,
@@ -164,18 +164,24 @@ def build_setup(
     )
 
 
-def _check_scored(n_points: int, scenario: Scenario) -> None:
+def _check_scored(query: Lattice, n_points: int, scenario: Scenario) -> None:
     """Nothing, if a map of the organ has enough points to be one.
 
     Raises:
         AnatomyError: It has not.
     """
-    if n_points < LEAST_SCORED_POINTS:
-        raise AnatomyError(
-            f"only {n_points} points of the lattice of {scenario.score_spacing_m * 1e3:g} mm on which the map is "
-            f"scored lie in the organ, at least {LEAST_SCORED_POINTS} must; check the unit of its file, or lower "
-            "`score_spacing_m` in a scenario file"
-        )
+    if n_points >= LEAST_SCORED_POINTS and min(query.shape) > 1:
+        return
+    spacing_mm = scenario.score_spacing_m * 1e3
+    reason = (
+        f"only {n_points} points of the lattice of {spacing_mm:g} mm on which the map is scored lie in the organ, at "
+        f"least {LEAST_SCORED_POINTS} must"
+        if n_points < LEAST_SCORED_POINTS
+        else f"the organ is thinner than the lattice of {spacing_mm:g} mm on which the map is scored"
+    )
+    raise AnatomyError(
+        f"{reason}; check the unit and the spacing of its file, or lower `score_spacing_m` in a scenario file"
+    )
 
 
 def _empty_scene(scenario: Scenario, placed: PlacedOrgan, cone: Cone, arm: ArmModel | None) -> Scene:
@@ -234,7 +240,8 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
         return lay_on_table(organ, tumours, R_world_organ=np.eye(3))
     turn_rad = scenario.organ_turn_rad
     if scenario.organ_placing == "best":
-        turn_rad = best_turn_rad(organ, arm)
+        cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+        turn_rad = best_turn_rad(organ, arm, cone)
     return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
 
 

@@ -108,9 +108,9 @@ class AnatomyConfig:
     """Least distance of the sensing poses from structures near which the probe must not press [mm]; by default that of
     the scenario, 5."""
     organ_pose: tuple[str, ...] = ()
-    """How the organ lies: anterior-up (on the table, the default), best (the way up that brings its largest surface
-    within the arm's reach), three angles by which it is turned from anterior up about the world's x, y and z [degrees],
-    or seven numbers, the position [mm] and the quaternion (wxyz) of the files' LPS axes in the world."""
+    """How the organ lies: anterior-up (on the table, the default), best (the way up in which the cones of poses within
+    the arm's reach see most of it), three angles by which it is turned from anterior up about the world's x, y and z
+    [degrees], or seven numbers, the position [mm] and the quaternion (wxyz) of the files' LPS axes in the world."""
 
 
 def scenario_changes(organ: Path | None, case: CaseConfig, anatomy: AnatomyConfig) -> dict[str, Any]:

@@ -152,8 +152,10 @@ def _tumour_problems(loaded: LoadedAnatomy) -> list[str]:
     for tumour, name in zip((*loaded.tumours, *loaded.targets), names, strict=True):
         share = loaded.organ.contains(tumour.sample_inside(N_DRAWS, np.random.default_rng(0))).mean()
         if share < LEAST_INSIDE:
+            away_mm = float(SurfaceDistance(loaded.organ).distance_m(tumour.vertices_m).min()) * 1e3
+            where = f", and it lies {away_mm:.0f} mm away" if share == 0.0 and away_mm >= 0.5 else ""
             problems.append(
-                f"{name}: {share:.0%} of it lies in the organ; check that the files share one frame and unit"
+                f"{name}: {share:.0%} of it lies in the organ{where}; check that the files share one frame and unit"
             )
     return problems
 

@@ -229,9 +229,11 @@ def _draw_inside(
         n_kept, n_drawn = n_kept + len(kept[-1]), n_drawn + len(drawn)
         inside_share = n_kept / n_drawn
         if inside_share < LEAST_INSIDE_SHARE:
+            away_mm = float(SurfaceDistance(organ).distance_m(tumour.vertices_m).min()) * 1e3
+            where = f", and it lies {away_mm:.0f} mm away" if n_kept == 0 and away_mm >= 0.5 else ""
             raise AnatomyError(
                 f"{name}: only {inside_share:.0%} of it lies inside the organ, at least "
-                f"{LEAST_INSIDE_SHARE:.0%} must; check that both files share one frame and unit"
+                f"{LEAST_INSIDE_SHARE:.0%} must{where}; check that both files share one frame and unit"
             )
         if n_kept >= n:
             break

@@ -15,17 +15,21 @@ from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, sav
 from scipy.spatial.transform import Rotation
 from shared_runs import without_figures
 
+from planner import Cone, visible_points
 from sim.cli.command_line import main
+from sim.episode.best_turn import best_turn_rad
 from sim.episode.scenario import SCENARIOS
-from sim.episode.setup import make_workspace, placed_organ
+from sim.episode.scenario_file import load_scenario
+from sim.episode.setup import build_setup, make_workspace, placed_organ
 from sim.errors import UsageError
 from sim.record.map_volumes import MapArrays, map_volumes, read_maps
 from sim.running.fields import config_of
 from sim.running.parts import scenario_of
 from sim.world.anatomy.placement import pose_matrix, turned
-from sim.world.anatomy.surface import upper_surface_area_m2
 from sim.world.anatomy.tumour_load import draw_lits_diameters
 from sim.world.anatomy.tumours import plant_load
+from sim.world.errors import AnatomyError
+from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -234,13 +238,28 @@ def test_the_organ_lies_as_the_pose_says():
             scenario_of(config_of(organ_pose=words))
 
 
-def test_the_best_pose_of_a_plate_on_edge_shows_its_face(tmp_path):
-    # Anterior up, 40 x 120 mm of it face up; its faces have 160 x 120, and tilted it shows an edge besides.
+def seen_share(scenario):
+    """The share of the organ that the cones of all poses see."""
+    placed, _ = placed_organ(scenario, None)
+    points_m = placed.organ.sample_inside(3000, np.random.default_rng(1))
+    cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+    return visible_points(make_workspace(scenario, placed), cone, points_m).mean()
+
+
+def test_the_best_pose_of_a_plate_on_edge_lets_the_cones_see_more(tmp_path):
+    # Anterior up it stands on edge, 160 mm high, and the cones reach 130 mm; tilted they see it from its face too.
     box = trimesh.creation.box((40.0, 160.0, 120.0)).subdivide_to_size(20.0)
     box.export(tmp_path / "plate.stl")
-    best = scenario_of(config_of(organ=tmp_path / "plate.stl", organ_pose=("best",)))
-    placed, _ = placed_organ(best, None)
-    assert upper_surface_area_m2(placed.organ, np.random.default_rng(0)) >= 0.160 * 0.120
+    plain, best = (
+        seen_share(scenario_of(config_of(organ=tmp_path / "plate.stl", organ_pose=words)))
+        for words in ((), ("best",))
+    )
+    assert best > plain + 0.05
+
+
+def test_where_no_turn_lets_the_cones_see_more_the_organ_stays_as_it_is(tmp_path):
+    ball = Solid.from_trimesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
+    assert best_turn_rad(ball, None, Cone(np.deg2rad(15.0), 0.13)) == (0.0, 0.0, 0.0)
 
 
 def test_a_turn_by_nothing_is_anterior_up():
@@ -296,3 +315,51 @@ def test_a_real_scan_runs_with_the_arm(no_figures, tmp_path):
     summary = json.loads((tmp_path / "run/summary.json").read_text())
     assert summary["n_sensings"] == 3
     assert summary["attainable_fraction"] > 0.8
+
+
+def ball_file(tmp_path, radius_mm=50.0):
+    path = tmp_path / "kidney.stl"
+    trimesh.creation.icosphere(subdivisions=4, radius=radius_mm).export(path)
+    return path
+
+
+def test_one_pose_is_explained_over_a_patients_organ_with_its_notices(tmp_path, capsys):
+    organ = ball_file(tmp_path)
+    far = tmp_path / "vein.stl"
+    trimesh.creation.icosphere(radius=5.0).apply_translation([300.0, 0.0, 0.0]).export(far)
+    # The ball lies on the table, 0.5 m before the arm: its top is 100 mm up.
+    pose = ["--position-mm", "500", "0", "100", "--organ", str(organ), "--structure", str(far)]
+    assert main(["ik", *pose]) == 0
+    said = capsys.readouterr()
+    assert "on the organ's surface" in said.out
+    assert "vein: lies 245 mm from the organ" in said.err
+    assert "--mesh-frame" in said.err
+    # Turned on its side by nothing but a pose of its own, it is elsewhere.
+    assert main(["ik", *pose, "--organ-pose", "500", "0", "90", "1", "0", "0", "0"]) == 1
+    assert "inside the organ" in capsys.readouterr().out
+
+
+def test_every_command_about_a_patients_organ_takes_the_same_options_about_its_files():
+    from sim.cli import ik, inspection, reach
+    from sim.running.case import AnatomyConfig, CaseConfig
+    from sim.running.config import EpisodeConfig
+
+    for options in (EpisodeConfig, ik.Options, reach.Options, inspection.Options):
+        assert "case" in {field.name for field in dataclasses.fields(options)}
+    for options in (EpisodeConfig, ik.Options, reach.Options):
+        kinds = {field.name: field.type for field in dataclasses.fields(options)}
+        assert str(kinds["case"]).endswith(CaseConfig.__name__)
+        assert str(kinds["anatomy"]).endswith(AnatomyConfig.__name__)
+
+
+def test_an_organ_with_next_to_no_points_to_score_is_refused(tmp_path):
+    organ = ball_file(tmp_path, radius_mm=16.0)
+    (tmp_path / "coarse.toml").write_text(f'organ = "{organ}"\nscore_spacing_m = 0.02\n')
+    with pytest.raises(AnatomyError, match=r"only \d points of the lattice of 20 mm.*`score_spacing_m`"):
+        build_setup(load_scenario(str(tmp_path / "coarse.toml")))
+
+
+def test_an_organ_thinner_than_the_lattice_is_refused(tmp_path):
+    trimesh.creation.box((160.0, 2.0, 120.0)).subdivide_to_size(10.0).export(tmp_path / "leaf.stl")
+    with pytest.raises(AnatomyError, match="thinner than the lattice of 3 mm"):
+        build_setup(scenario_of(config_of(organ=tmp_path / "leaf.stl")))

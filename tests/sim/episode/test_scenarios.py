@@ -57,6 +57,8 @@ def test_mesh_paths_are_relative_to_the_file(tmp_path) -> None:
         ("organ_position_m = [0.0, 0.0, 0.0]", "belong together"),
         ("organ_unit = 'cm'", "organ_unit='cm'"),
         ("n_tumours = ", "not a valid TOML"),
+        ('tumour_files = ["a.stl"]', "tumour_files: go with an organ's own file, not with organ='liver'"),
+        ('base = "sphere"\nkeepout_labels = [3]', "keepout_labels: go with.*organ='paper-organ'"),
     ],
 )
 def test_a_wrong_file_is_named_with_the_remedy(tmp_path, text: str, message: str) -> None:

@@ -13,6 +13,9 @@ from sim.world.solids.surface_distance import SurfaceDistance, surface_distance_
 FAR_M = 0.05
 """A structure farther than this from the organ is seldom one of its own [m]."""
 
+LARGEST_ORGAN_M3 = 0.03
+"""No organ has a larger volume [m^3]: it is half of a person's."""
+
 HALF_TURN = np.array([-1.0, -1.0, 1.0])
 """What turns RAS to LPS and back."""
 
@@ -28,6 +31,11 @@ def check_organ_extent(organ: Solid, name: str, remedy: str) -> None:
     Raises:
         AnatomyError: It has not.
     """
+    if organ.volume_m3 > LARGEST_ORGAN_M3:
+        raise AnatomyError(
+            f"{name}: the organ has {organ.volume_m3 * 1e3:,.0f} litres, and no organ more than "
+            f"{LARGEST_ORGAN_M3 * 1e3:g}; {remedy}"
+        )
     extent_m = float(organ.extents_m.max())
     if not SMALLEST_EXTENT_M["organ"] <= extent_m <= LARGEST_EXTENT_M:
         raise AnatomyError(

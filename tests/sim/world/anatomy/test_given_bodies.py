@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from scanned_ball import CENTRE_MM, TUMOUR_MM, ball_labels, grid, load, save_nifti
 
+from sim.world.anatomy.anatomy import build_anatomy
 from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.loading import load_anatomy
 from sim.world.errors import AnatomyError, MeshError, WorldError
@@ -176,3 +177,26 @@ def test_labels_asked_for_that_are_another_files_are_told(tmp_path, liver):
     loaded = load(liver, tumours=(path,), labels=LabelChoice(tumours=(7, 4)))
     assert len(loaded.tumours) == 1
     assert any("the label 1 is left out" in notice for notice in loaded.notices)
+
+
+def test_an_organ_larger_than_half_a_person_is_refused(tmp_path):
+    with pytest.raises(AnatomyError, match=r"has 87 litres, and no organ more than 30; check the unit"):
+        load(saved(ball_mm(275.0, (0.0, 0.0, 0.0), 4), tmp_path / "liver.stl"))
+
+
+def test_a_tumour_apart_is_refused_with_its_distance(tmp_path, liver):
+    loaded = load(
+        liver, tumours=(saved(ball_mm(10.0, CENTRE_MM + np.array([0, 0, 105])), tmp_path / "t.stl"),)
+    )
+    with pytest.raises(AnatomyError, match=r"only 0% of it.*must, and it lies (39|40) mm away"):
+        build_anatomy(loaded.organ, loaded.tumours, name="x", rng=np.random.default_rng(0))
+
+
+def test_an_outline_too_thin_to_draw_is_told(tmp_path):
+    T, shape = grid()
+    labels = np.zeros(shape, np.uint8)
+    labels[5:-5, 5:-5, 20] = 1
+    (told,) = [
+        n for n in load(save_nifti(tmp_path / "s.nii.gz", labels, T)).notices if "surface encloses" in n
+    ]
+    assert "as it is thin next to them" in told

@@ -74,6 +74,8 @@ def _key_figures(record: RunRecord, findings: Findings) -> list[tuple[str, str]]
         found, name = findings.target, record.target.anatomy.name
         figures.append((f"{name} found", f"{found.n_found} of {len(found.tumours)}"))
     figures.append(("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan)))
+    if record.summary.get("visible_fraction") is not None:
+        figures.append(("of the organ in some cone", _share(float(record.summary["visible_fraction"]))))
     figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
     if record.field is not None:
         figures.append(("AUPRC of the map", _number(auprc[-1] if len(auprc) else math.nan, 3)))

@@ -30,6 +30,8 @@ STEP = 0.004
 COMPRESSION = 4
 """Most voxels are 0, and more effort saves little."""
 VOXELS_AT_ONCE = 2_000_000
+MARGIN_M = 0.008
+"""The distances to the surface reach this far beyond the organ's box."""
 SHEAR_MM = 0.1
 """Where a qform, which holds no shear, would put a voxel farther off than this, none is written."""
 HEADER_BYTES = 352
@@ -61,7 +63,7 @@ def scan_map_volumes(
     T_world_voxel = T_world_organ @ grid.T_lps_voxel
     box = _box_around(organ, T_world_voxel, grid.shape)
     log_odds = _filled_log_odds(arrays)
-    surface = DistanceGrid.from_solid(organ)
+    surface = DistanceGrid.from_solid(organ, margin_m=MARGIN_M)
     for part in _slabs(box):
         index = np.stack(np.meshgrid(*(np.arange(s.start, s.stop) for s in part), indexing="ij"), axis=-1)
         points_m = index.reshape(-1, 3) @ T_world_voxel[:3, :3].T + T_world_voxel[:3, 3]

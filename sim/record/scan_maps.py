@@ -10,7 +10,7 @@ import gzip
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import nibabel
 import numpy as np
@@ -135,7 +135,8 @@ def _nifti(values: NDArray[Any], affine: NDArray[np.float64], text: str, *, slop
     header.set_sform(affine, code=1)
     header.set_qform(affine, code=1)
     corner = np.array([*values.shape, 1.0])
-    if np.linalg.norm((header.get_qform() - affine) @ corner) > SHEAR_MM:
+    qform = cast("NDArray[np.float64]", header.get_qform())
+    if np.linalg.norm((qform - affine) @ corner) > SHEAR_MM:
         header["qform_code"] = 0
     header.set_slope_inter(slope, 0.0)
     header["descrip"] = f"Sounding: {text}"[:79].encode("ascii", "replace")

@@ -18,6 +18,7 @@ ROWS = (
     ("confidence of the planner that nothing is left", "confidence", "{:.1%}"),
     ("tumour sensed", "sensed_fraction", "{:.1%}"),
     ("tumour that could be sensed at all", "attainable_fraction", "{:.1%}"),
+    ("organ that lies in some pose's cone", "visible_fraction", "{:.1%}"),
     ("AUPRC of the map", "auprc", "{:.3f}"),
     ("Dice at probability 0.5", "dice", "{:.3f}"),
     ("log loss", "log_loss", "{:.4f}"),
@@ -85,9 +86,25 @@ def run(options: EpisodeConfig) -> int:
         return INTERRUPTED
     print(episode_account(summary))
     print(episode_table(summary))
+    if parts.until_confident is not None:
+        print(wrapped(excluded_text(summary)))
     if options.output.report:
         print(f"open {summary['folder']}/report.html in a browser")
     return 0
+
+
+def excluded_text(summary: Mapping[str, Any]) -> str:
+    """What a confidence that nothing is left does not speak of."""
+    unseen = 1.0 - summary["visible_fraction"]
+    text = (
+        "No pose's cone reaches"
+        if summary["arm"] == "none"
+        else "No cone of a pose that may be reached holds"
+    )
+    return (
+        f"The confidence is {summary['confidence']:.3f}. {text} {unseen:.1%} of the organ, and the confidence says "
+        "nothing of what hides there (label 4 in map_labels.nii.gz)."
+    )
 
 
 def episode_account(summary: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ import tyro
 
 from sim.errors import FieldError, UsageError
 
-from .terminal import parse
+from .terminal import note, parse
 
 EXAMPLES = """
 sounding export renders/first --out for_slicer
@@ -26,7 +26,9 @@ class Options:
 
     Every run with a map writes them; this command writes them again, to another folder or with another threshold. The
     files are map_probability.nii.gz, map_standard_deviation.nii.gz (of the map's latent) and map_labels.nii.gz (where 1
-    is the organ and 2 tumour). The map of a second class goes to map_target_*.nii.gz, where its label is 3.
+    is the organ, 2 tumour, and 4 organ that lies in no pose's cone). The map of a second class goes to
+    map_target_*.nii.gz, where its label is 3. Where the organ came from a label volume, map_on_scan_*.nii.gz hold
+    probability and labels on the grid of that volume, voxel by voxel.
     """
 
     folder: Annotated[Path, tyro.conf.Positional]
@@ -53,6 +55,6 @@ def run(options: Options) -> int:
     """Write the volumes, and return the exit code."""
     from sim.viewing.export import export_map
 
-    for file in export_map(options.folder, options.out, threshold=options.threshold):
+    for file in export_map(options.folder, options.out, threshold=options.threshold, notify=note):
         print(f"written {file}")
     return 0

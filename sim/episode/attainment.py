@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from planner import Cone, Workspace, scattered_poses, visibility
+from planner import Cone, Workspace, scattered_poses, visibility, visible_points
 
 from .positioner import Positioner
+
+if TYPE_CHECKING:
+    from .setup import Setup
 
 
 def attainable(
@@ -59,3 +65,28 @@ def _settle(
         is_attained |= newly
         n_open_seen -= sees[newly].sum(axis=0)
     return is_attained, n_failures
+
+
+def seeable_points(setup: Setup, lost: Iterable[int]) -> NDArray[np.bool_]:
+    """Which search points of a setup lie in the cone of a pose that was not found to be out of reach, shape (M,).
+
+    Args:
+        setup: The setup.
+        lost: The poses that were found to be out of reach; of the others it need not be known.
+    """
+    is_seeable, workspace = setup.is_visible.copy(), setup.workspace
+    out = np.array(sorted(lost), dtype=np.intp)
+    if not out.size:
+        return is_seeable
+    # Only what the lost poses see has to be looked at again.
+    doubtful = np.flatnonzero(visible_points(_part(workspace, out), setup.cone, setup.search_points_m))
+    is_seeable[doubtful] = False
+    kept = np.delete(np.arange(workspace.n_poses), out)
+    if kept.size:
+        points_m = setup.search_points_m[doubtful]
+        is_seeable[doubtful] = visible_points(_part(workspace, kept), setup.cone, points_m)
+    return is_seeable
+
+
+def _part(workspace: Workspace, poses: NDArray[np.intp]) -> Workspace:
+    return Workspace(workspace.positions_m[poses], workspace.normals[poses])

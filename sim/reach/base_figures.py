@@ -48,7 +48,7 @@ def draw_bases(
         measure, what = "seen_fraction", "Organ's inside seen"
     scale = Normalize(0.0, max(*(getattr(candidate, measure) for candidate in found.asked), 1e-9))
     grid = [candidate for candidate in found.candidates if candidate.stage == "grid"]
-    _squares(axes, grid, measure, scale, found.spacing_m * 1e3)
+    has_hindered = _squares(axes, grid, measure, scale, found.spacing_m * 1e3)
     _dots(axes, [candidate for candidate in found.asked if candidate.stage == "refined"], measure, scale)
     _table(axes, workcell)
     _organ(axes, workcell)
@@ -56,7 +56,7 @@ def draw_bases(
     _mark(axes, found.best, "best base", "*")
     axes.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
     axes.autoscale_view()
-    if any(candidate.obstacle for candidate in grid):
+    if has_hindered:
         axes.add_patch(Rectangle((0, 0), 0, 0, color=HINDERED, label="no room for the base"))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.09), ncols=3, frameon=False, fontsize=9)
     # The same numbers, and as many digits of them, as the terminal prints.
@@ -98,8 +98,8 @@ def _organ(axes: Axes, workcell: Workcell) -> None:
     axes.annotate("organ", (x_mm, high_mm[1]), **label)
 
 
-def _squares(axes: Axes, grid: list[Candidate], measure: str, scale: Normalize, side_mm: float) -> None:
-    """Draw the grid's places, each with the best value over its heights; grey where no height has room."""
+def _squares(axes: Axes, grid: list[Candidate], measure: str, scale: Normalize, side_mm: float) -> bool:
+    """Draw the grid's places by the best value over heights, grey where none has room, and return if any is grey."""
     best: dict[tuple[float, float], float] = {}
     for candidate in grid:
         place = (round(candidate.stand.x_m * 1e3, 1), round(candidate.stand.y_m * 1e3, 1))
@@ -107,6 +107,7 @@ def _squares(axes: Axes, grid: list[Candidate], measure: str, scale: Normalize, 
     patches = [Rectangle((x - side_mm / 2, y - side_mm / 2), side_mm, side_mm) for x, y in best]
     colours = [HINDERED if np.isnan(value) else COLOURS(scale(value)) for value in best.values()]
     axes.add_collection(PatchCollection(patches, facecolors=colours, edgecolors="white", linewidths=0.8))
+    return any(np.isnan(value) for value in best.values())
 
 
 def _table(axes: Axes, workcell: Workcell) -> None:

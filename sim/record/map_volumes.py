@@ -5,7 +5,8 @@ the organ was laid before the arm. The volumes are
 
 - `map_probability.nii.gz`: probability of tumour, 0 outside the organ;
 - `map_standard_deviation.nii.gz`: standard deviation of the map's latent, 0 outside;
-- `map_labels.nii.gz`: 0 outside, 1 organ, 2 where the probability is above a threshold, which is LiTS's coding.
+- `map_labels.nii.gz`: 0 outside, 1 organ, 2 where the probability is above a threshold, which is LiTS's coding, and 4
+  where no pose's cone reaches, so that the map can tell of nothing there but what lies beside.
 
 Where a second class was mapped, `map_target_probability.nii.gz` and so on hold its map, labelled 3.
 """
@@ -26,6 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from sim.errors import UsageError
 
+VISIBLE = "visible.npz"
+"""Which points of the lattice some cone can see; folders of older runs have no such file."""
+UNSEEABLE = 4
+"""Label of what lies in no cone."""
 THRESHOLD = 0.5
 """Probability above which a point is labelled tumour."""
 RAS_MM_FROM_LPS_M = np.diag([-1e3, -1e3, 1e3, 1.0])
@@ -64,14 +69,34 @@ class MapArrays:
     """Which points lie in the organ, shape (X, Y, Z)."""
     of: Mapped = TUMOUR
     """What is mapped."""
+    is_visible: NDArray[np.bool_] | None = None
+    """Which points lie in the cone of some pose, shape (X, Y, Z); None where it is not known."""
+
+    def labels(self, threshold: float) -> NDArray[np.uint8]:
+        """The label of each point, shape (X, Y, Z)."""
+        labels = np.where(self.is_inside, 1, 0).astype(np.uint8)
+        if self.is_visible is not None:
+            labels[self.is_inside & ~self.is_visible] = UNSEEABLE
+        labels[self.is_inside & (self.probability > threshold)] = self.of.label
+        return labels
+
+    def label_text(self, threshold: float) -> str:
+        """What the labels mean."""
+        text = f"1 organ, {self.of.label} {self.of.noun}: probability > {threshold:g}"
+        return text if self.is_visible is None else f"{text}, {UNSEEABLE} in no cone"
 
 
-def maps_in(arrays: Mapping[str, NDArray[Any]], target_name: str | None) -> list[MapArrays]:
+def maps_in(
+    arrays: Mapping[str, NDArray[Any]],
+    target_name: str | None,
+    is_visible: NDArray[np.bool_] | None = None,
+) -> list[MapArrays]:
     """The map of the tumours, and that of a second class where there is one.
 
     Args:
         arrays: As `map.npz` holds them.
         target_name: What the second class is called, None where there is none.
+        is_visible: Which points lie in the cone of some pose, shape (X, Y, Z); None where it is not known.
 
     Raises:
         KeyError: An array is missing.
@@ -88,6 +113,7 @@ def maps_in(arrays: Mapping[str, NDArray[Any]], target_name: str | None) -> list
             latent_variance=arrays[f"{prefix}latent_variance"],
             is_inside=arrays["is_inside"],
             of=kind,
+            is_visible=is_visible,
         )
         for prefix, kind in kinds.items()
     ]
@@ -95,6 +121,8 @@ def maps_in(arrays: Mapping[str, NDArray[Any]], target_name: str | None) -> list
     for each in maps:
         if {each.probability.shape, each.latent_variance.shape, each.is_inside.shape} != {shape}:
             raise ValueError("arrays of different shapes")
+        if each.is_visible is not None and each.is_visible.shape != shape:
+            raise ValueError(f"{VISIBLE} is of another lattice")
     return maps
 
 
@@ -110,8 +138,7 @@ def map_volumes(
     """
     inside, affine = arrays.is_inside, affine_ras_mm(arrays, T_world_organ)
     probability = np.where(inside, arrays.probability, 0.0)
-    noun, stem, label = arrays.of.noun, arrays.of.file_stem, arrays.of.label
-    labels = np.where(inside, np.where(probability > threshold, label, 1), 0)
+    noun, stem = arrays.of.noun, arrays.of.file_stem
     deviation = np.sqrt(np.where(inside, arrays.latent_variance, 0.0))
     contents = {
         f"{stem}_probability.nii.gz": (probability.astype(np.float32), f"probability of {noun}"),
@@ -119,10 +146,7 @@ def map_volumes(
             deviation.astype(np.float32),
             "standard deviation of the latent",
         ),
-        f"{stem}_labels.nii.gz": (
-            labels.astype(np.uint8),
-            f"1 organ, {label} {noun}: probability > {threshold:g}",
-        ),
+        f"{stem}_labels.nii.gz": (arrays.labels(threshold), arrays.label_text(threshold)),
     }
     return {name: _nifti(values, affine, text) for name, (values, text) in contents.items()}
 
@@ -158,12 +182,20 @@ def read_maps(folder: Path) -> tuple[list[MapArrays], NDArray[np.float64]]:
         T_world_organ = np.asarray(config["T_world_organ"], dtype=np.float64)
         with np.load(folder / "map.npz", allow_pickle=False) as file:
             name = str(config["scenario"]["target_name"]) if "target_probability" in file.files else None
-            maps = maps_in(file, name)
+            maps = maps_in(file, name, _visible(folder))
         if T_world_organ.shape != (4, 4):
             raise ValueError("a pose that is no 4 x 4 matrix")
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise UsageError(f"{folder}: its map cannot be read ({error}). Run the episode again.") from error
     return maps, T_world_organ
+
+
+def _visible(folder: Path) -> NDArray[np.bool_] | None:
+    """Which points some cone can see; None in folders of older runs, and of those that were killed."""
+    if not (folder / VISIBLE).is_file():
+        return None
+    with np.load(folder / VISIBLE, allow_pickle=False) as file:
+        return np.asarray(file["is_visible"], dtype=np.bool_)
 
 
 def _nifti(values: NDArray[Any], affine: NDArray[np.float64], text: str) -> bytes:

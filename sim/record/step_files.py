@@ -9,13 +9,14 @@ import numpy as np
 from mapping import DetailedMap, HilbertMap, Prediction
 from planner import Workspace
 from planner.acquisition import expected_improvement
+from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS
 from sim.episode.setup import Setup
 from sim.episode.step import Step
 
 from .map_history import write_history
-from .map_volumes import map_volumes, maps_in
+from .map_volumes import VISIBLE, map_volumes, maps_in
 from .poses import POSES_CSV, pose_row
 from .run_folder import OWN_MAP, OWN_TARGET_MAP, RunFolder
 from .trajectories import write_motion
@@ -114,7 +115,9 @@ def write_map(folder: RunFolder, episode: Episode, *, is_final: bool) -> None:
         arrays["is_target"] = _on_lattice(setup, target.truth.is_target)
     folder.write_arrays("map.npz", compressed=is_final, **arrays)
     if is_final:
-        for each in maps_in(arrays, None if target is None else target.name):
+        is_visible = _on_lattice(setup, seeable_points(episode.setup, episode.skipped))
+        folder.write_arrays(VISIBLE, compressed=True, is_visible=is_visible)
+        for each in maps_in(arrays, None if target is None else target.name, is_visible):
             for name, content in map_volumes(each, setup.T_world_organ).items():
                 folder.write_bytes(name, content)
 

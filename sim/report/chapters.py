@@ -76,6 +76,8 @@ def _key_figures(record: RunRecord) -> list[tuple[str, str]]:
     if confidence is not None:
         figures.append(("planner’s confidence", _share(float(confidence))))
     figures.append(("of the tumours sensed", _share(sensed[-1] if len(sensed) else math.nan)))
+    if record.summary.get("visible_fraction") is not None:
+        figures.append(("of the organ in some cone", _share(float(record.summary["visible_fraction"]))))
     figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
     if record.field is not None:
         figures.append(("AUPRC of the map", _number(auprc[-1] if len(auprc) else math.nan, 3)))

@@ -16,6 +16,7 @@ import numpy as np
 from nibabel.filebasedimages import ImageFileError
 from nibabel.spatialimages import HeaderDataError, HeaderTypeError, ImageDataError
 from nibabel.wrapstruct import WrapStructError
+from numpy.typing import NDArray
 
 from sim.world.errors import VolumeError
 
@@ -120,6 +121,30 @@ def load_volume(
         degrees = np.rad2deg(volume.obliquity_rad)
         notices.append(f"the scan is oblique by {degrees:.1f} degrees, which its axes take into account")
     return replace(volume, notices=tuple(f"{path.name}: {notice}" for notice in notices))
+
+
+def read_grid(
+    path: str | Path, *, spacing_m: tuple[float, float, float] | None = None, axes: str | None = None
+) -> tuple[tuple[int, int, int], NDArray[np.float64]]:
+    """The numbers of voxels of a file and their map to patient axes [m], by its header alone.
+
+    Args:
+        path: The file; see `load_volume`.
+        spacing_m: Distances between voxels [m] in place of the header's.
+        axes: Where the voxels' axes run, for example RAS, in place of the header's.
+
+    Raises:
+        VolumeError: The header cannot be read.
+    """
+    path = Path(path)
+    _check_is_read(path)
+    try:
+        grid = _read(path)
+        return check_shape(path, grid), check_affine(path, grid, spacing_m, axes)
+    except VolumeError:
+        raise
+    except READER_ERRORS as error:
+        raise _unreadable(path, error) from error
 
 
 def _check_is_read(path: Path) -> None:

@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import json
 import os
+import shutil
 from pathlib import Path
 
 import nibabel
@@ -112,6 +113,68 @@ def test_export_writes_the_same_files_again_and_obeys_the_threshold(run, tmp_pat
     capsys.readouterr()
     assert main(["export", str(tmp_path)]) == 2
     assert "holds no map.npz" in capsys.readouterr().err
+
+
+def test_a_map_that_knew_the_truth_is_the_scans_own_labels_voxel_by_voxel(run, scan, tmp_path):
+    # The truth in place of the probability, in a copy of the run's folder.
+    copy = tmp_path / "run"
+    shutil.copytree(run, copy)
+    with np.load(run / "map.npz") as file:
+        arrays = dict(file)
+    arrays["probability"] = np.where(arrays["is_inside"], arrays["is_tumour"], np.nan).astype(np.float32)
+    np.savez(copy / "map.npz", **arrays)
+    assert main(["export", str(copy), "--out", str(tmp_path / "out")]) == 0
+    given = nibabel.load(scan)
+    labels = np.asarray(given.dataobj)
+    for name in ("probability", "labels"):
+        image = nibabel.load(tmp_path / "out" / f"map_on_scan_{name}.nii.gz")
+        assert image.shape == given.shape
+        # Header's numbers are kept in single precision; the qform's quaternion leaves 0.02 degrees.
+        assert image.affine == pytest.approx(given.affine, abs=1e-4)
+        assert image.header.get_qform() == pytest.approx(given.affine, abs=0.05)
+        assert int(image.header["sform_code"]) == int(image.header["qform_code"]) == 1
+        read = SimpleITK.ReadImage(str(tmp_path / "out" / f"map_on_scan_{name}.nii.gz"))
+        corner = [n - 1 for n in given.shape]
+        there = SimpleITK.ReadImage(str(scan)).TransformIndexToPhysicalPoint(corner)
+        assert read.TransformIndexToPhysicalPoint(corner) == pytest.approx(there, abs=1e-2)
+    mapped = np.asarray(nibabel.load(tmp_path / "out" / "map_on_scan_labels.nii.gz").dataobj)
+    for is_mapped, is_true in ((mapped == 2, labels == 2), (mapped > 0, (labels == 1) | (labels == 2))):
+        # No voxel shift: the middles agree to a tenth of a voxel, and what differs lies at the surface.
+        middles = [np.argwhere(each).mean(axis=0) for each in (is_mapped, is_true)]
+        assert np.abs(middles[0] - middles[1]).max() < 0.15
+        assert 2 * (is_mapped & is_true).sum() / (is_mapped.sum() + is_true.sum()) > 0.9
+    probability = nibabel.load(tmp_path / "out" / "map_on_scan_probability.nii.gz").get_fdata()
+    assert np.array_equal(probability > 0.5, mapped == 2)
+    assert probability.max() == pytest.approx(1.0, abs=0.004)
+    assert (probability[mapped == 0] == 0.0).all()
+
+
+def test_what_no_cone_can_see_has_a_label_and_a_share(run, tmp_path):
+    (arrays,), _ = read_maps(run)
+    labels = np.asarray(nibabel.load(run / "map_labels.nii.gz").dataobj)
+    assert arrays.is_visible is not None
+    unseen = arrays.is_inside & ~arrays.is_visible
+    assert np.array_equal(labels == 4, unseen & (arrays.probability <= 0.5))
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary["visible_fraction"] == pytest.approx(1.0 - unseen.sum() / arrays.is_inside.sum())
+    assert 0.5 < summary["visible_fraction"] < 1.0
+    # A folder of an older run says nothing of it, and its labels are LiTS's alone.
+    old = tmp_path / "old"
+    shutil.copytree(run, old)
+    (old / "visible.npz").unlink()
+    assert main(["export", str(old), "--out", str(tmp_path / "out")]) == 0
+    assert set(np.unique(nibabel.load(tmp_path / "out" / "map_labels.nii.gz").dataobj)) <= {0, 1, 2}
+
+
+def test_a_scan_that_is_gone_is_told_and_the_rest_is_written(run, tmp_path, capsys):
+    copy = tmp_path / "run"
+    shutil.copytree(run, copy)
+    text = (copy / "config.json").read_text().replace("case.nii.gz", "gone.nii.gz")
+    (copy / "config.json").write_text(text)
+    assert main(["export", str(copy), "--out", str(tmp_path / "out")]) == 0
+    assert "gone.nii.gz" in capsys.readouterr().err
+    assert (tmp_path / "out" / "map_labels.nii.gz").is_file()
+    assert not (tmp_path / "out" / "map_on_scan_labels.nii.gz").exists()
 
 
 def test_an_uneven_lattice_is_refused():

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner import Workspace, visibility
-from sim.episode.attainment import attainable
+from planner import Workspace, visibility, visible_points
+from sim.episode.attainment import attainable, seeable_points
 from sim.episode.positioner import Positioner
 from sim.world.ik.result import IkResult, IkStatus
 
@@ -66,3 +66,15 @@ def test_nothing_is_attainable_for_an_arm_that_reaches_nothing(cone) -> None:
     points_m = workspace.positions_m[:50] + 0.01 * workspace.normals[:50]
     assert not attainable(workspace, cone, points_m, positioner, max_failures=7).any()
     assert len(positioner.asked) == 7
+
+
+def test_seeable_is_the_union_over_the_poses_that_are_not_lost(sphere_setup) -> None:
+    workspace = sphere_setup.workspace
+    assert np.array_equal(seeable_points(sphere_setup, ()), sphere_setup.is_visible)
+    # All poses of one half of the surface.
+    lost = np.flatnonzero(workspace.positions_m[:, 0] > 0.5)
+    kept = np.flatnonzero(workspace.positions_m[:, 0] <= 0.5)
+    left = Workspace(workspace.positions_m[kept], workspace.normals[kept])
+    expected = visible_points(left, sphere_setup.cone, sphere_setup.search_points_m)
+    assert np.array_equal(seeable_points(sphere_setup, lost.tolist()), expected)
+    assert not seeable_points(sphere_setup, range(workspace.n_poses)).any()

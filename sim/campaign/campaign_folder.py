@@ -12,7 +12,7 @@ from mapping.storage import replacing
 from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.errors import UsageError
 from sim.record.locked_folder import LockedFolder
-from sim.record.run_folder import describe_machine
+from sim.record.run_folder import describe_machine, now
 from sim.running.parts import scenario_of
 
 from .journal import Journal
@@ -58,6 +58,7 @@ class CampaignFolder(LockedFolder):
         present["machine"].pop("blas_threads")
         present["blas_threads_per_trial"] = 1
         before = read_study(self.path)
+        present["started"] = now() if before is None else before.get("started", now())
         if before is not None:
             self._check_same(before, present, any_version=any_version)
         else:

@@ -11,7 +11,7 @@ from sim.errors import FieldError
 from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
 from sim.running.case import MM, metres
 
-from .terminal import NOT_REACHED, note, parse
+from .terminal import NOT_REACHED, parse
 
 Triple = tuple[float, float, float]
 
@@ -70,8 +70,6 @@ def run(options: Options) -> int:
         options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg
     )
     workcell = build_workcell(load_scenario(options.scenario), arm)
-    for notice in workcell.notices:
-        note(notice)
     explanation = explain_pose(
         workcell, metres(options.position_mm), options.normal, standoff_m=options.standoff_mm * MM
     )

@@ -13,7 +13,7 @@ from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.errors import UsageError
 from sim.record.default_folders import is_free
 from sim.record.locked_folder import LockedFolder
-from sim.record.run_folder import describe_machine
+from sim.record.run_folder import describe_machine, now
 from sim.running.parts import scenario_of
 
 from .journal import Journal
@@ -59,6 +59,7 @@ class CampaignFolder(LockedFolder):
         present["machine"].pop("blas_threads")
         present["blas_threads_per_trial"] = 1
         before = read_study(self.path)
+        present["started"] = now() if before is None else before.get("started", now())
         if before is not None:
             self._check_same(before, present, any_version=any_version)
         else:

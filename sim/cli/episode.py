@@ -15,7 +15,6 @@ from .terminal import INTERRUPTED, aligned_lines, given_word, in_flags, note, pa
 ROWS = (
     ("sensing actions", "n_sensings", "{}"),
     ("actions until 95 % of the tumour was sensed", "sensings_to_95", "{}"),
-    ("confidence of the planner that nothing is left", "confidence", "{:.1%}"),
     ("tumour sensed", "sensed_fraction", "{:.1%}"),
     ("tumour that could be sensed at all", "attainable_fraction", "{:.1%}"),
     ("organ that lies in some pose's cone", "visible_fraction", "{:.1%}"),
@@ -23,6 +22,7 @@ ROWS = (
     ("Dice at probability 0.5", "dice", "{:.3f}"),
     ("log loss", "log_loss", "{:.4f}"),
     ("calibration error", "expected_calibration_error", "{:.4f}"),
+    ("confidence of the planner that nothing is left", "confidence", "{:.1%}"),
     ("poses skipped, out of the arm's reach", "n_skipped_poses", "{}"),
     ("modelled time of the procedure [s]", "procedure_s", "{:.1f}"),
     ("way of the tip [m]", "tip_path_m", "{:.2f}"),
@@ -84,7 +84,6 @@ def run(options: EpisodeConfig) -> int:
             "sounding: interrupted; the run folder holds what was done, marked unfinished.", file=sys.stderr
         )
         return INTERRUPTED
-    print(episode_account(summary))
     print(episode_table(summary))
     if parts.until_confident is not None:
         print(wrapped(excluded_text(summary)))
@@ -107,7 +106,16 @@ def excluded_text(summary: Mapping[str, Any]) -> str:
     )
 
 
-def episode_account(summary: Mapping[str, Any]) -> str:
+def episode_table(summary: Mapping[str, Any]) -> str:
+    """What an episode found and its figures as an aligned table, ending with the folder that holds them."""
+    name = summary.get("target_name")
+    rows = [row for row in ROWS if row[1] != "confidence" or summary.get("confidence") is not None]
+    if name is not None:
+        rows[-1:-1] = [(label.format(name), key, form) for label, key, form in TARGET_ROWS]
+    return "\n".join([_account(summary), *aligned_lines(rows, summary), f"written to {summary['folder']}"])
+
+
+def _account(summary: Mapping[str, Any]) -> str:
     """What was run and what was found, tumour by tumour, why it ended and what the numbers below mean."""
     from sim.findings.account import read_account
 
@@ -122,12 +130,3 @@ def episode_account(summary: Mapping[str, Any]) -> str:
         lines.append(f"  and {len(told.lesions) - MOST_LESIONS} more, in findings.json")
     prose = [wrapped(in_flags(text)) for text in (told.ended, told.meaning) if text]
     return "\n".join([head, "-" * len(head), *told.found, *lines, "", *prose, ""])
-
-
-def episode_table(summary: Mapping[str, Any]) -> str:
-    """The figures of an episode as an aligned table, ending with the folder that holds them."""
-    name = summary.get("target_name")
-    rows = [row for row in ROWS if row[1] != "confidence" or summary.get("confidence") is not None]
-    if name is not None:
-        rows[-1:-1] = [(label.format(name), key, form) for label, key, form in TARGET_ROWS]
-    return "\n".join([*aligned_lines(rows, summary), f"written to {summary['folder']}"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from mapping.storage import replacing
-from sim.campaign.study import Trial
+from sim.campaign.campaign_folder import read_study
 from sim.campaign.trial_result import RECALL_LEVELS
 from sim.report.page import REPORT, environment
-from sim.running.fields import config_of
 
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
 from .estimates import reached_shares, spread_of
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
+from .side_by_side import link, run_folder, seed_pictures, seed_rows
 from .tables import failures, horizon_note, pair_cells, score_cells
 from .trial_groups import TrialGroup
 
@@ -44,7 +44,8 @@ def write_comparison_page(
     names = list(dict.fromkeys(group.contender for group in comparison.groups))
     n_trials = sum(len(group.entries) for group in comparison.groups)
     text = environment(TEMPLATES).get_template("comparison.html.j2").render(
-        title=", ".join(path.resolve().name for path in campaigns),
+        title=_title(names, campaigns),
+        studies=[_study(path) for path in campaigns],
         lede=_lede(comparison, names, n_trials),
         notes=notes,
         cases=[_case(comparison, case, names, folder, campaigns) for case in comparison.cases],
@@ -53,6 +54,28 @@ def write_comparison_page(
     with replacing(folder / REPORT) as file:
         file.write(text.encode(errors="surrogateescape"))
     return folder / REPORT
+
+
+def _title(names: Sequence[str], campaigns: Sequence[Path]) -> str:
+    """The contenders where they are few, and else the campaigns."""
+    if 2 <= len(names) <= 3:
+        return " against ".join(names)
+    return ", ".join(path.resolve().name for path in campaigns)
+
+
+def _study(path: Path) -> dict[str, str]:
+    """Where a campaign's rows come from: folder, title, day, version and command."""
+    study = read_study(path) or {}
+    machine = study.get("machine", {})
+    commit = str(machine.get("commit") or "")
+    version = f"Sounding {machine.get('sounding', '')}{f', commit {commit[:8]}' if commit else ''}"
+    return {
+        "name": path.resolve().name,
+        "title": str(study.get("study", {}).get("title", "")),
+        "day": str(study.get("started", ""))[:10],
+        "version": version + ("+" if commit.endswith("+") else ""),
+        "command": shlex.join(["sounding", *map(str, machine.get("command", []))]),
+    }
 
 
 def _lede(comparison: Comparison, names: Sequence[str], n_trials: int) -> str:
@@ -84,6 +107,9 @@ def _case(
             )
             for measure in measures
         ],
+        "contenders": [(group.contender, f"c{names.index(group.contender) % N_COLOURS}") for group in groups],
+        "seeds": seed_rows(groups),
+        "pictures": seed_pictures(groups, folder, campaigns),
         "runs": [runs for group in groups if (runs := _runs(group, folder, campaigns))],
     }
 
@@ -159,21 +185,13 @@ def _runs(group: TrialGroup, folder: Path, campaigns: Sequence[Path]) -> dict[st
     """The links to the reports of a contender's trials, by seed; None where no trial has a folder."""
     links = []
     for entry in group.entries:
-        name = Trial(config_of(entry["settings"])).name
-        for campaign in campaigns:
-            report = campaign / "trials" / name / REPORT
-            if report.is_file():
-                links.append((entry["settings"]["seed"], _address(report, folder)))
-                break
+        run = run_folder(entry, campaigns)
+        if run is not None and (run / REPORT).is_file():
+            links.append((entry["settings"]["seed"], link(run / REPORT, folder)))
     return {"name": group.contender, "links": links} if links else None
 
 
 def _views(views: Path | None, folder: Path) -> list[tuple[str, str]]:
     if views is None:
         return []
-    return [(report.parent.name, _address(report, folder)) for report in sorted(views.glob(f"*/{REPORT}"))]
-
-
-def _address(report: Path, folder: Path) -> str:
-    """The path from a folder to a page, as a link has it."""
-    return Path(os.path.relpath(report, folder)).as_posix()
+    return [(report.parent.name, link(report, folder)) for report in sorted(views.glob(f"*/{REPORT}"))]

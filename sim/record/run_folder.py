@@ -47,13 +47,13 @@ class RunFolder(LockedFolder):
 
     def begin(self, config: Mapping[str, Any], manifest: Mapping[str, Any]) -> None:
         """Write what is known before the first step; from here on the folder is a valid, unfinished run."""
-        self._manifest = {**describe_machine(), **manifest, "status": "unfinished", "started": _now()}
+        self._manifest = {**describe_machine(), **manifest, "status": "unfinished", "started": now()}
         self.write_json(MANIFEST, self._manifest)  # first: by it the folder is known for ours
         self.write_json("config.json", config)
 
     def finish(self, status: str) -> None:
         """Mark the run `finished` or `interrupted`."""
-        self._manifest.update(status=status, ended=_now())
+        self._manifest.update(status=status, ended=now())
         self.write_json(MANIFEST, self._manifest)
 
     def append_row(self, name: str, row: Mapping[str, Any]) -> None:
@@ -138,7 +138,8 @@ def _commit() -> str | None:
         return None
 
 
-def _now() -> str:
+def now() -> str:
+    """The present time in UTC, to the second, as ISO 8601 writes it."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 

@@ -27,13 +27,13 @@ def frame_images(folder: Path, *, most_bytes: int) -> dict[int, str]:
     if not files:
         return {}
     width_px = _width_that_fits(files[max(files)], most_bytes / len(files))
-    return _thinned({step: _address(file, width_px) for step, file in files.items()}, most_bytes)
+    return _thinned({step: picture_address(file, width_px) for step, file in files.items()}, most_bytes)
 
 
 def _width_that_fits(file: Path, most_bytes: float) -> int | None:
     """The largest width at which a frame takes no more than its share, or the least width of all."""
     for width_px in WIDTHS_PX:
-        if len(_address(file, width_px)) <= most_bytes:
+        if len(picture_address(file, width_px)) <= most_bytes:
             return width_px
     return WIDTHS_PX[-1]
 
@@ -49,8 +49,8 @@ def _thinned(images: dict[int, str], most_bytes: int) -> dict[int, str]:
     return dict(sorted(kept.items()))
 
 
-def _address(file: Path, width_px: int | None) -> str:
-    """A frame as WebP in text, no wider than `width_px`."""
+def picture_address(file: Path, width_px: int | None) -> str:
+    """A picture as WebP in a data address, no wider than `width_px` where that is given."""
     with Image.open(file) as image:
         picture = image.convert("RGB")
     if width_px is not None and width_px < picture.width:

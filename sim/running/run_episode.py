@@ -264,7 +264,6 @@ class _EpisodeRun:
             "folder": str(folder.path),
             "status": self._status,
             "ended_by": episode.ended_by,
-            # A planner that cannot tell is not one that is not sure.
             "confidence": summary["confidence"] if episode.planner.tells_confidence else None,
             "setup_s": setup_s,
             "render_s": self._frames.draw_s,

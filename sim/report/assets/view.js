@@ -326,7 +326,7 @@ const makeView = (data, array, histories, onPick) => {
       if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
     }
   };
-  const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null };
+  const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null, isMoving: false };
   // The camera stays out of organ and arm: a move that would bring it in is not made, and it backs off from an arm that
   // comes to it. A body is where one of its vertices is near, or where an odd number of its triangles lie above.
   const NEAR_M = 0.03, solids = [];
@@ -376,8 +376,8 @@ const makeView = (data, array, histories, onPick) => {
   new ResizeObserver(resize).observe(holder);
 
   const applyTheme = () => {
-    const style = getComputedStyle(document.documentElement), isDark = matchMedia("(prefers-color-scheme: dark)").matches;
-    const named = name => name === "organ" ? (isDark ? "#b9a9a4" : "#8d6f68") : style.getPropertyValue(`--${name}`).trim();
+    const style = getComputedStyle(document.documentElement);
+    const named = name => style.getPropertyValue(`--${name}`).trim();
     // The shaders write what the screen shows.
     for (const [material, name] of tinted) {
       material.uniforms.colour.value.setStyle(named(name), THREE.LinearSRGBColorSpace);
@@ -394,6 +394,7 @@ const makeView = (data, array, histories, onPick) => {
       if (mine !== moving) return;
       const share = Math.min((now - began) / ms, 1);
       cone.visible = tipFrame.visible = share === 1;
+      state.isMoving = share < 1;
       placeBodies(share === 1 ? rest : onTheWay(step, share));
       keepOut(true);
       request();
@@ -401,6 +402,7 @@ const makeView = (data, array, histories, onPick) => {
     };
     placeBodies(onTheWay(step, 0));
     cone.visible = tipFrame.visible = false;
+    state.isMoving = true;
     requestAnimationFrame(frame);
   };
   const setStep = (step, moveMs = 0) => {
@@ -418,6 +420,7 @@ const makeView = (data, array, histories, onPick) => {
     } else state.tip = null;
     if (wayLine) wayLine.geometry.setDrawRange(0, step > 0 ? data.paths.ends[Math.min(step, data.paths.ends.length) - 1] : 0);
     moving++;
+    state.isMoving = false;
     if (armPoses) {
       const row = Math.min(step, armPoses.length / 7 / bodies.length - 1);
       const rest = b => Array.from(armPoses.subarray(7 * (row * bodies.length + b), 7 * (row * bodies.length + b) + 7));

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
 import pytest
+from PIL import Image
 from test_compare import entry, map_entry, write
 
 from sim.campaign.study import Trial
@@ -51,3 +53,35 @@ def test_runs_that_have_a_report_are_linked(campaign, tmp_path) -> None:
     compare((campaign,), out=out)
     (address,) = re.findall(r'href="([^"]+report\.html)"', (out / "report.html").read_text(encoding="utf-8"))
     assert (out / address).resolve() == (folder / "report.html").resolve()
+
+
+def test_the_page_names_study_day_version_and_command_and_puts_contenders_side_by_side(campaign) -> None:
+    study = json.loads((campaign / "study.json").read_text())
+    study["machine"] |= {"command": ["trials", "--study", "small one"], "commit": "0123456789abcdef"}
+    study |= {"started": "2026-03-04T05:06:07+00:00", "notices": ["liver.stl: two of its holes were closed"]}
+    (campaign / "study.json").write_text(json.dumps(study))
+    for seed in range(2):
+        for name, colour in (("random", "red"), ("expected-improvement", "blue")):
+            config = config_of(entry(seed, name, needed=20)["settings"])
+            folder = campaign / "trials" / Trial(config).name
+            folder.mkdir(parents=True)
+            Image.new("RGB", (900, 600), colour).save(folder / "map_top.png")
+    text = (compare((campaign,)).folder / "report.html").read_text(encoding="utf-8")
+    for words in ("2026-03-04", "commit 01234567", "trials --study &#39;small one&#39;", "two of its holes"):
+        assert words in text
+    assert "<h1>random against expected-improvement</h1>" in text
+    assert text.count('<img src="data:image/webp') == 4
+    table = text[text.index("Numbers by seed") :]
+    assert table[: table.index("</table>")].count('<th scope="row"') == SEEDS
+
+
+def test_all_columns_are_seen_at_800_px_and_a_chart_has_a_human_size(browser, campaign) -> None:
+    page = browser.new_page(viewport={"width": 800, "height": 900})
+    page.goto((compare((campaign,)).folder / "report.html").as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= 800
+    hidden = "[...document.querySelectorAll('h3 + .wide')].map(each => each.scrollWidth - each.clientWidth)"
+    assert max(page.evaluate(hidden)) == 0
+    page.set_viewport_size({"width": 1600, "height": 900})
+    widths = page.evaluate("[...document.querySelectorAll('.triple svg')].map(each => each.clientWidth)")
+    assert 250 <= min(widths) <= max(widths) <= 500
+    page.close()

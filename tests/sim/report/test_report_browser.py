@@ -110,12 +110,11 @@ def test_the_arm_is_seen_on_its_way_to_the_next_action(opened) -> None:
     page = opened.page
     page.locator("body").press("Home")
     at_home = picture(page)
-    page.evaluate("window.soundingReport.setStep(1)")
-    page.wait_for_timeout(60)
-    on_the_way = page.locator("#view").screenshot()
-    page.wait_for_timeout(900)
-    arrived = page.locator("#view").screenshot()
-    assert len({at_home, on_the_way, arrived}) == 3
+    moving = "(window.soundingReport.setStep({}), window.soundingReport.state.isMoving)"
+    assert page.evaluate(moving.format(1))
+    page.wait_for_function("!window.soundingReport.state.isMoving")
+    assert picture(page) != at_home
+    assert not page.evaluate(moving.format(ACTIONS))  # over several actions it jumps
 
 
 def test_the_camera_stays_out_of_the_organ_and_the_arm(opened) -> None:

@@ -102,9 +102,6 @@ def _target(setup: Setup, rng: np.random.Generator) -> TargetTruth:
 def _planted(setup: Setup, rng: np.random.Generator) -> tuple[Solid, ...]:
     scenario = setup.scenario
     diameters_m: list[float] | None = None
-    if scenario.files is not None and scenario.files.tumours:
-        # Files of tumours of which nothing is left, as all is noise: others in their place would be taken for them.
-        return ()
     if scenario.tumour_load == "lits":
         diameters_m = draw_lits_diameters(rng)
     elif scenario.n_tumours == 0:

@@ -28,8 +28,8 @@ def test_a_command_runs_as_printed(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     (arguments,) = [line for line in commands("sounding") if "random" in line]
     assert main(arguments) == 0
-    assert "written to renders/sphere-random-0" in capsys.readouterr().out
-    assert (tmp_path / "renders/sphere-random-0/summary.json").exists()
+    assert "written to renders/sphere-random-none-0" in capsys.readouterr().out
+    assert (tmp_path / "renders/sphere-random-none-0/summary.json").exists()
 
 
 def test_make_passes_its_variables_through() -> None:
@@ -38,7 +38,7 @@ def test_make_passes_its_variables_through() -> None:
     dry = subprocess.run(
         [words[1].split()[0], "--dry-run", *words[1].split()[1:]], cwd=ROOT, capture_output=True, text=True
     )
-    for expected in ("--planner random", "--scenario sphere", "--steps 10"):
+    for expected in ("--planner 'random'", "--scenario 'sphere'", "--steps 10"):
         assert expected in dry.stdout
 
 

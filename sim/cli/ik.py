@@ -13,7 +13,7 @@ from sim.errors import FieldError
 from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
 from sim.running.case import MM, AnatomyConfig, CaseConfig, metres, scenario_changes
 
-from .terminal import NOT_REACHED, parse
+from .terminal import NOT_REACHED, note, parse
 
 Triple = tuple[float, float, float]
 
@@ -85,6 +85,8 @@ def run(options: Options) -> int:
     )
     changes = scenario_changes(options.organ, options.case, options.anatomy)
     workcell = build_workcell(dataclasses.replace(load_scenario(options.scenario), **changes), arm)
+    for text in workcell.notices:
+        note(text)
     explanation = explain_pose(
         workcell, metres(options.position_mm), options.normal, standoff_m=options.standoff_mm * MM
     )

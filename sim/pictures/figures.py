@@ -5,13 +5,14 @@ and Ito's palette, which people with the common forms of colour blindness can te
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.figure import Figure
-from matplotlib.textpath import TextPath
+from matplotlib.font_manager import FontProperties
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
@@ -161,7 +162,7 @@ def set_title(
     most_lines = max(TITLE_LINES, text.count("\n") + 1)
     lines = text.split("\n")
     for size in np.arange(size_pt, LEAST_TITLE_PT - 0.1, -1.0):
-        lines, size_pt = _in_lines(text, float(size), room_pt), float(size)
+        lines, size_pt = _in_lines(text, float(size), room_pt, figure.dpi), float(size)
         if len(lines) <= most_lines:
             break
     axes.set_title(
@@ -174,14 +175,14 @@ def set_title(
     )
 
 
-def _in_lines(text: str, size_pt: float, room_pt: float) -> list[str]:
+def _in_lines(text: str, size_pt: float, room_pt: float, dpi: float) -> list[str]:
     """A text in lines that are no wider than there is room; a single longer word stays whole."""
     lines: list[str] = []
     for paragraph in text.split("\n"):
         line = ""
         for word in paragraph.split(" "):
             longer = f"{line} {word}" if line else word
-            if line and _width_pt(longer, size_pt) > room_pt:
+            if line and _width_pt(longer, size_pt, dpi) > room_pt:
                 lines.append(line)
                 longer = word
             line = longer
@@ -189,11 +190,17 @@ def _in_lines(text: str, size_pt: float, room_pt: float) -> list[str]:
     return lines
 
 
-def _width_pt(text: str, size_pt: float) -> float:
-    """The width of a line [points]."""
+def _width_pt(text: str, size_pt: float, dpi: float) -> float:
+    """The width of a line as it is drawn [points]; at a low resolution hinted letters are wider than their outlines."""
     if not text.strip():
         return 0.0
-    return float(TextPath((0.0, 0.0), text, size=size_pt).get_extents().width)
+    font = FontProperties(size=size_pt)
+    return 72.0 / dpi * _ruler(dpi).get_text_width_height_descent(text, font, ismath=False)[0]
+
+
+@lru_cache(maxsize=4)
+def _ruler(dpi: float) -> RendererAgg:
+    return RendererAgg(1, 1, dpi)
 
 
 def make_plain(axes: Axes) -> None:

@@ -146,7 +146,7 @@ def test_the_gaps_prove_what_dense_sampling_finds(sphere_arm_setup) -> None:
     check = PathCheck(sphere_arm_setup.scene, search.chain, search.meter, search.clearance)
     rng = np.random.default_rng(0)
     verdicts = []
-    for _ in range(25):
+    for _ in range(80):
         start, end = search.starts.q[rng.integers(len(search.starts.q), size=2)]
         line = np.linspace(start, end, 150)
         clearances, state = search.meter.measure(search.chain.full(line)), search.chain.forward(line)
@@ -156,7 +156,7 @@ def test_the_gaps_prove_what_dense_sampling_finds(sphere_arm_setup) -> None:
         if hit is None:
             assert clearances.is_free.all()
             assert (probe_m >= 0.0).all()
-    assert 3 < sum(verdicts) < 22
+    assert 3 < sum(verdicts) < len(verdicts) - 3
 
 
 def test_no_point_of_the_arm_moves_farther_than_its_levers_say(sphere_arm_setup) -> None:

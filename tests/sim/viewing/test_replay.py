@@ -98,10 +98,10 @@ def test_bad_options_are_refused(run, capsys, arguments, message) -> None:
     ("arguments", "message"),
     [
         (("--motion", "servo", "--arm", "none"), "no servos"),
-        (("--tip-speed-mm-s", "0"), "tip_speed_m_s=0.0"),
+        (("--tip-speed-mm-s", "0"), "--tip-speed-mm-s 0.0: must be a positive"),
         (("--sensing-s", "nan"), "--sensing-s nan: must be a finite number"),
-        (("--press-mm", "-1"), "press_m=-0.001"),
-        (("--force-limit-n", "0"), "force_limit_n=0.0"),
+        (("--press-mm", "-1"), "--press-mm -1.0: must be from 0 to 30 mm"),
+        (("--force-limit-n", "0"), "--force-limit-n 0.0: must be a positive"),
     ],
 )
 def test_bad_motion_options_write_nothing(tmp_path, capsys, arguments, message) -> None:

@@ -7,13 +7,14 @@ import inspect
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+import typing
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 import tyro
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructFieldSpec, StructTypeInfo
 
-from sim.errors import FieldError, value_text
+from sim.errors import FieldError, UsageError, value_text
 from sim.running.fields import field_names, leaf_fields
 
 NOT_REACHED, NOT_USABLE, BAD_INPUT, INTERRUPTED = 1, 1, 2, 130
@@ -38,12 +39,36 @@ def parse(
         prog: The command, for usage and messages.
         examples: Command lines with which the help begins, one a line.
         default: Values of all options that are not given; by default those of the class.
+
+    Raises:
+        UsageError: An option that takes several values is given more than once.
     """
+    _refuse_lists_given_twice(options_class, arguments)
     more: dict[str, Any] = {} if default is None else {"default": default}
     shown = "".join(f"    {line}\n" for line in examples.strip().splitlines())
     more["description"] = f"Examples:\n{shown}\n{_in_paragraphs(inspect.getdoc(options_class) or '')}"
     with _readable_help(options_class):
         return tyro.cli(tyro.conf.OmitArgPrefixes[options_class], args=list(arguments), prog=prog, **more)
+
+
+def _refuse_lists_given_twice(options_class: type[Any], arguments: Sequence[str]) -> None:
+    """Refuse `--planner a --planner b`, of which the parser would keep the last alone without a word."""
+    written = [argument.partition("=")[0].replace("_", "-") for argument in arguments]
+    for name in _list_fields(options_class):
+        if written.count(flag(name)) > 1:
+            raise UsageError(
+                f"{flag(name)} is given {written.count(flag(name))} times, and only the last would count. Give it "
+                f"once, with all its values after it: {flag(name)} A B."
+            )
+
+
+def _list_fields(options_class: type[Any]) -> Iterator[str]:
+    """The names of the options that take any number of values, those of groups too."""
+    for name, kind in typing.get_type_hints(options_class).items():
+        if dataclasses.is_dataclass(kind):
+            yield from _list_fields(typing.cast(type[Any], kind))
+        elif any(typing.get_args(each)[-1:] == (Ellipsis,) for each in (kind, *typing.get_args(kind))):
+            yield name
 
 
 def _in_paragraphs(text: str) -> str:

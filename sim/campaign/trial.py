@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 import os
-import resource
 import sys
 import threading
 import traceback
@@ -142,12 +142,21 @@ def precision_at(recall: NDArray[np.float64], precision: NDArray[np.float64]) ->
 
 def _costs(start_s: float) -> dict[str, float]:
     """The wall time since the start, and the largest memory of this process."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {
         "wall_s": perf_counter() - start_s,
-        "peak_memory_mb": peak / (2**20 if sys.platform == "darwin" else 2**10),
+        "peak_memory_mb": _peak_memory_mb(),
         "process": os.getpid(),
     }
+
+
+def _peak_memory_mb() -> float:
+    """The largest memory that this process had [MiB]; NaN on Windows, where Python cannot tell it."""
+    if sys.platform == "win32":
+        return math.nan
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def _rounded(value: float | None) -> float | None:

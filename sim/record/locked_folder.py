@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 from pathlib import Path
 
 from sim.closeable import Closeable
 from sim.errors import UsageError
 
+from .file_lock import lock_file
 from .ownership import LOCK, MANIFEST, check_out_folder
 
 
@@ -37,7 +37,7 @@ class LockedFolder(Closeable):
                 f"{path}: cannot write there ({error.strerror}). Choose another `out`."
             ) from error
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(self._lock)
         except OSError as error:
             self._lock.close()
             raise UsageError(f"{path}: another {what} is writing there. Choose another `out`.") from error

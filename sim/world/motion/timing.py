@@ -37,6 +37,8 @@ HELD_DT_S = 0.005
 """Control points of a motion that is held within the joints' limits are this far apart [s]."""
 TIP_DT_S = 0.002
 """The tip's speed is looked at this often [s]: at a sharp turn of the path it peaks for some milliseconds."""
+PLAIN_TIP_DT_S = 0.0005
+"""The same for motions without toppra, which change their acceleration more often [s]."""
 TIP_SLACK = 1e-3
 """Share by which the tip may be faster for some milliseconds, between the times at which the motion is looked at."""
 BEYOND = 1e-9
@@ -99,13 +101,15 @@ class PathTimer:
         steps_m = np.linalg.norm(np.diff(self._chain.forward(curve(between)).tips_m, axis=0), axis=1)
         way_m = np.concatenate([[0.0], np.cumsum(steps_m)])[::TIP_POINTS_PER_KNOT]
         points = np.column_stack([q, way_m])
-        if EXTRAS["toppra"].is_installed:
+        has_toppra = EXTRAS["toppra"].is_installed
+        if has_toppra:
             timed, fastest_s = self._by_toppra(knots, points, tip_speed_m_s)
         else:
             speed, acceleration = self._given_limits(tip_speed_m_s)
             timed, fastest_s = plain_motion(knots, points, speed, acceleration)
         followed = self._within_limits(timed, fastest_s)
-        slowing = self._slowing(followed, fastest_s, tip_speed_m_s)
+        tip_dt_s = TIP_DT_S if has_toppra else PLAIN_TIP_DT_S
+        slowing = self._slowing(followed, fastest_s, tip_speed_m_s, tip_dt_s)
         duration_s = slowing * fastest_s
         time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / dt_s)) + 1)
         q, rate = followed(time_s / slowing, 0)[:, :-1], followed(time_s / slowing, 1)[:, :-1]
@@ -165,19 +169,19 @@ class PathTimer:
         held = BSpline(spline.t, controls, 3)
         return lambda at_s, order: held(at_s, nu=order)
 
-    def _slowing(self, followed: Followed, duration_s: float, tip_speed_m_s: float) -> float:
+    def _slowing(self, followed: Followed, duration_s: float, tip_speed_m_s: float, tip_dt_s: float) -> float:
         """The least factor, 1 or more, by which the motion is slowed down to hold all limits between grid points."""
         time_s = np.linspace(0.0, duration_s, N_CHECKED_TIMES)
         speed, acceleration = np.abs(followed(time_s, 1)).max(axis=0), np.abs(followed(time_s, 2)).max(axis=0)
         by_speed = speed / np.append(self._limits.speed, tip_speed_m_s)
         by_acceleration = np.sqrt(acceleration[:-1] / self._limits.acceleration)
         slowing = float(max(1.0, by_speed.max(), by_acceleration.max()))
-        by_tip = self._tip_speed_m_s(followed, duration_s) / tip_speed_m_s
+        by_tip = self._tip_speed_m_s(followed, duration_s, tip_dt_s) / tip_speed_m_s
         return by_tip if by_tip > slowing * (1.0 + TIP_SLACK) else slowing
 
-    def _tip_speed_m_s(self, followed: Followed, duration_s: float) -> float:
+    def _tip_speed_m_s(self, followed: Followed, duration_s: float, dt_s: float) -> float:
         """The largest speed of the tip by the joints' speeds: the way that toppra holds is a spline, and not exact."""
-        time_s = np.linspace(0.0, duration_s, max(N_CHECKED_TIMES, int(np.ceil(duration_s / TIP_DT_S)) + 1))
+        time_s = np.linspace(0.0, duration_s, max(N_CHECKED_TIMES, int(np.ceil(duration_s / dt_s)) + 1))
         velocity = self._chain.jacobian(self._chain.forward(followed(time_s, 0)[:, :-1]))[:, :3]
         rate = followed(time_s, 1)[:, :-1]
         return float(np.linalg.norm(np.einsum("tij,tj->ti", velocity, rate), axis=1).max())

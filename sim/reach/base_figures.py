@@ -64,7 +64,7 @@ def draw_bases(
     if question.objective == "seen":
         best, present = (candidate.seen_fraction for candidate in (found.best, found.candidates[0]))
         title = f"{what}: {best:.1%} from the best base, {present:.1%} from the present"
-    set_title(axes, f"{title}\n{found.best.stand.label}", size_pt=11.0)
+    set_title(axes, f"{title} one\nbest: {found.best.stand.label}", size_pt=11.0)
     bar = figure.colorbar(ScalarMappable(scale, COLOURS), ax=axes, fraction=0.035, pad=0.03)
     bar.set_label(f"{what.lower()}, of {found.n_poses} poses drawn; best over heights", color=INK, fontsize=9)
     save(figure, path)

@@ -143,6 +143,8 @@ def provide_files(folder: Path, command: Command) -> None:
             _write_volume(folder / word, flags)
         elif suffix in ("stl", "ply", "glb") and name in BODIES_MM:
             _write_mesh(folder / word, name, flags)
+        elif word in ("everything.obj", "kidneys.stl"):
+            _write_bodies(folder / word)
 
 
 def _flags(words: list[str]) -> dict[str, list[str]]:
@@ -163,6 +165,25 @@ def _write_mesh(path: Path, name: str, flags: dict[str, list[str]]) -> None:
     ball.apply_translation(CENTRE_MM + np.array(middle_mm))
     ball.apply_scale(1e-3 if flags.get("unit") == ["m"] else 1.0)
     ball.export(path)
+
+
+def _write_bodies(path: Path) -> None:
+    """Write a file of two bodies: a liver with a tumour as objects of an OBJ, or two kidneys in one STL."""
+    names, middles_mm, radii_mm = ("liver", "tumor"), ((0, 0, 0), (0, 0, 20)), (50.0, 8.0)
+    if path.suffix == ".stl":
+        names, middles_mm, radii_mm = ("left", "right"), ((-60, 0, 0), (60, 0, 0)), (40.0, 41.0)
+    balls = [trimesh.creation.icosphere(subdivisions=3, radius=radius_mm) for radius_mm in radii_mm]
+    for ball, middle_mm in zip(balls, middles_mm, strict=True):
+        ball.apply_translation(CENTRE_MM + np.array(middle_mm))
+    if path.suffix == ".stl":
+        trimesh.util.concatenate(balls).export(path)
+        return
+    first, lines = 1, list[str]()
+    for name, ball in zip(names, balls, strict=True):
+        lines += [f"o {name}", *("v {} {} {}".format(*vertex) for vertex in ball.vertices)]
+        lines += ["f {} {} {}".format(*(face + first)) for face in ball.faces]
+        first += len(ball.vertices)
+    path.write_text("\n".join(lines) + "\n")
 
 
 def _write_volume(path: Path, flags: dict[str, list[str]]) -> None:

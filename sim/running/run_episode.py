@@ -211,9 +211,8 @@ class _EpisodeRun:
             return self._finish(setup_s, start_s)
         except BaseException:
             self._folder.finish("failed")
-            if (
-                had_failed
-            ):  # the error that ended the episode is on its way, and tells more than what followed from it
+            if had_failed:
+                # The error that ended the episode is on its way, and tells more than what followed from it.
                 return {}
             raise
 

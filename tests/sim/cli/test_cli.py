@@ -283,19 +283,3 @@ def test_help_fills_its_lines_and_names_other_options_by_their_flags(monkeypatch
     printed = " ".join(text.strip() for text in texts)
     assert "whose share --until-sensed means" in printed
     assert not any(f"`{name}`" in printed for name in field_names())
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["trials", "--planner", "random", "--planner", "multi-resolution"], "--planner is given 2 times"),
-        (
-            ["episode", "--tumour", "a.stl", "--tumour=b.stl", "--tumour", "c.stl"],
-            "--tumour is given 3 times",
-        ),
-        (["reach", "--arm", "a.xml", "--arm", "b.xml"], "--arm A B"),
-    ],
-)
-def test_a_list_that_is_given_twice_is_refused_and_not_cut_short(capsys, words, said) -> None:
-    assert main(words) == 2
-    assert said in capsys.readouterr().err

@@ -77,3 +77,36 @@ def test_a_typo_in_a_flag_tells_of_this_command_alone(capsys) -> None:
     assert "sounding episode --help" in told
     assert "sounding trials" not in told
     assert len(told.splitlines()) < 15
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["trials", "--planner", "random", "--planner", "multi-resolution"], "--planner is given 2 times"),
+        (
+            ["episode", "--tumour", "a.stl", "--tumour=b.stl", "--tumour", "c.stl"],
+            "--tumour is given 3 times",
+        ),
+        (["reach", "--arm", "a.xml", "--arm", "b.xml"], "--arm A B"),
+    ],
+)
+def test_a_list_that_is_given_twice_is_refused_and_not_cut_short(capsys, words, said) -> None:
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_planner_that_tells_no_confidence_ends_without_a_sentence_about_it(
+    no_figures, tmp_path, capsys
+) -> None:
+    words = ["episode", "--scenario", "sphere", "--arm", "none", "--planner", "random", "--steps", "1"]
+    options = [
+        "--until-confident",
+        "0.9",
+        "--map",
+        "when-needed",
+        "--no-report",
+        "--out",
+        str(tmp_path / "run"),
+    ]
+    assert main([*words, *options]) == 0
+    assert "confidence" not in capsys.readouterr().out

@@ -8,7 +8,6 @@ It is Algorithm 2 (NextQuery) of Cho, Hermans and Kuntz (2021), with the random 
 What the paper leaves open is an option here; the defaults are the choices under which every episode found its tumour.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,23 +16,13 @@ from numpy.typing import NDArray
 from mapping import Prediction
 
 from .acquisition import log_expected_improvement
-from .errors import PlannerError
-from .query_points import QueryPointPlanner
+from .query_points import IncumbentPlanner
 from .situation import Situation
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExpectedImprovement(QueryPointPlanner):
+class ExpectedImprovement(IncumbentPlanner):
     """The paper's planner: expected improvement over the search points (eq. 2), then a pose that looks at the best."""
-
-    xi: float = 0.01
-    """Margin by which the incumbent has to be exceeded, in the unit of the values (the paper's 0.01)."""
-
-    def __post_init__(self) -> None:
-        """Checks names and ranges."""
-        super().__post_init__()
-        if not 0.0 <= self.xi < math.inf:
-            raise PlannerError(f"`xi` must be 0 or above and finite, got {self.xi}")
 
     def acquisition(self, situation: Situation) -> NDArray[np.float64]:
         """The logarithm of the expected improvement at each search point; see `QueryPointPlanner.acquisition`."""

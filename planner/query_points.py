@@ -145,3 +145,17 @@ class QueryPointPlanner(Planner):
         radius_m = self.exclusion_share * situation.cone.base_radius_m
         squared_m2 = cdist(positions_m[list(situation.sensed)], positions_m, "sqeuclidean")
         return np.min(squared_m2, axis=0, initial=np.inf) < radius_m**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class IncumbentPlanner(QueryPointPlanner):
+    """A planner whose acquisition function asks about an improvement over the best value so far, the incumbent f+."""
+
+    xi: float = 0.01
+    """Margin by which the incumbent has to be exceeded, in the unit of the values (the paper's 0.01)."""
+
+    def __post_init__(self) -> None:
+        """Checks names and ranges."""
+        super().__post_init__()
+        if not 0.0 <= self.xi < math.inf:
+            raise PlannerError(f"`xi` must be 0 or above and finite, got {self.xi}")

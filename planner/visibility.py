@@ -45,7 +45,7 @@ def visible_points(workspace: Workspace, cone: Cone, points_m: NDArray[np.float6
     """
     is_visible = np.zeros(len(points_m), dtype=np.bool_)
     for poses in scattered_poses(workspace.n_poses):
-        part = Workspace(workspace.positions_m[poses], workspace.normals[poses])
+        part = workspace.part(poses)
         open_points = np.flatnonzero(~is_visible)
         is_visible[open_points] = visibility(part, cone, points_m[open_points]).any(axis=1)
     return is_visible

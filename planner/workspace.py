@@ -1,5 +1,8 @@
 """The workspace: every pose from which the probe may sense (the paper's S)."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -56,6 +59,18 @@ class Workspace:
     def n_poses(self) -> int:
         """The number of poses, N."""
         return len(self.positions_m)
+
+    def part(self, poses: NDArray[np.intp] | NDArray[np.bool_] | Sequence[int] | slice) -> Workspace:
+        """Some of the poses, which form no grid any more.
+
+        Args:
+            poses: Their indices, a mask of shape (N,), or a slice, of which at least one pose is kept.
+
+        Raises:
+            PlannerError: If none is kept.
+        """
+        index = poses if isinstance(poses, slice | np.ndarray) else list(poses)
+        return Workspace(self.positions_m[index], self.normals[index])
 
     def neighbours(self, n_neighbours: int) -> NDArray[np.intp]:
         """The indices of every pose's nearest other poses, nearest first, shape (N, n_neighbours).

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..acquisition import log_probability_of_improvement, upper_confidence_bound
 from ..errors import PlannerError
-from ..query_points import QueryPointPlanner
+from ..query_points import IncumbentPlanner, QueryPointPlanner
 from ..situation import Situation
 
 
@@ -32,17 +32,8 @@ class UpperConfidenceBound(QueryPointPlanner):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProbabilityOfImprovement(QueryPointPlanner):
+class ProbabilityOfImprovement(IncumbentPlanner):
     """The point that most likely exceeds the highest mean by xi (Kushner, 1964), then a pose that looks at it."""
-
-    xi: float = 0.01
-    """Margin by which the highest mean has to be exceeded, in the unit of the values."""
-
-    def __post_init__(self) -> None:
-        """Checks names and ranges."""
-        super().__post_init__()
-        if not 0.0 <= self.xi < math.inf:
-            raise PlannerError(f"`xi` must be 0 or above and finite, got {self.xi}")
 
     def acquisition(self, situation: Situation) -> NDArray[np.float64]:
         """The logarithm of the probability at each search point; see `QueryPointPlanner.acquisition`."""

@@ -62,7 +62,6 @@ def sight_of(workspace: Workspace, cone: Cone, points_m: NDArray[np.float64]) ->
 def _sight_of(workspace: Workspace, cone: Cone, points: KeyedArray) -> Sight:
     parts = []
     for start in range(0, workspace.n_poses, _POSES_AT_ONCE):
-        some = slice(start, start + _POSES_AT_ONCE)
-        part = Workspace(workspace.positions_m[some], workspace.normals[some])
+        part = workspace.part(slice(start, start + _POSES_AT_ONCE))
         parts.append(csr_array(visibility(part, cone, points.array).T, dtype=np.float32))
     return Sight(csr_array(vstack(parts, format="csr")), len(points.array))

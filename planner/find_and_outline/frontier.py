@@ -44,8 +44,7 @@ def sensed_points(
     """
     if not sensed or not len(points_m):
         return np.zeros(len(points_m), dtype=bool)
-    some = Workspace(workspace.positions_m[list(sensed)], workspace.normals[list(sensed)])
-    return np.asarray(visibility(some, cone, points_m).any(axis=1))
+    return np.asarray(visibility(workspace.part(sensed), cone, points_m).any(axis=1))
 
 
 def seen_weight(
@@ -69,8 +68,7 @@ def seen_weight(
         radius_m = np.linalg.norm(inside - middle_m, axis=1).max()
         poses = np.flatnonzero(distance_to_cones(workspace, cone, middle_m[None])[0] <= radius_m + 1e-6)
         if poses.size:
-            some = Workspace(workspace.positions_m[poses], workspace.normals[poses])
-            total[poses] += weights[cube_of.ravel() == cube] @ visibility(some, cone, inside)
+            total[poses] += weights[cube_of.ravel() == cube] @ visibility(workspace.part(poses), cone, inside)
     return total
 
 

@@ -41,7 +41,7 @@ def attainable(
         open_points = np.flatnonzero(~is_attained)
         if not open_points.size or n_failures == max_failures:
             break
-        part = Workspace(workspace.positions_m[poses], workspace.normals[poses])
+        part = workspace.part(poses)
         sees = visibility(part, cone, points_m[open_points])
         settled, n_new = _settle(sees, poses, positioner, max_failures - n_failures)
         is_attained[open_points[settled]] = True
@@ -79,14 +79,10 @@ def seeable_points(setup: Setup, lost: Iterable[int]) -> NDArray[np.bool_]:
     if not out.size:
         return is_seeable
     # Only what the lost poses see has to be looked at again.
-    doubtful = np.flatnonzero(visible_points(_part(workspace, out), setup.cone, setup.search_points_m))
+    doubtful = np.flatnonzero(visible_points(workspace.part(out), setup.cone, setup.search_points_m))
     is_seeable[doubtful] = False
     kept = np.delete(np.arange(workspace.n_poses), out)
     if kept.size:
         points_m = setup.search_points_m[doubtful]
-        is_seeable[doubtful] = visible_points(_part(workspace, kept), setup.cone, points_m)
+        is_seeable[doubtful] = visible_points(workspace.part(kept), setup.cone, points_m)
     return is_seeable
-
-
-def _part(workspace: Workspace, poses: NDArray[np.intp]) -> Workspace:
-    return Workspace(workspace.positions_m[poses], workspace.normals[poses])

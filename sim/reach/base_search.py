@@ -166,7 +166,7 @@ def _refinements(
 def _drawn_poses(workspace: Workspace, count: int, rng: np.random.Generator) -> Workspace:
     """Poses that are drawn from a workspace without repetition, in the workspace's order."""
     chosen = np.sort(rng.permutation(workspace.n_poses)[:count])
-    return Workspace(workspace.positions_m[chosen], workspace.normals[chosen])
+    return workspace.part(chosen)
 
 
 class _Judge:

@@ -16,22 +16,11 @@ from scanned_ball import CENTRE_MM, RADIUS_MM, TUMOUR_MM, ball_labels, grid, sav
 from scipy.spatial.transform import Rotation
 from shared_runs import without_figures
 
-from planner import Cone, visible_points
 from sim.cli.command_line import main
-from sim.episode.best_turn import best_turn_rad
-from sim.episode.scenario import SCENARIOS
-from sim.episode.scenario_file import load_scenario
-from sim.episode.setup import build_setup, make_workspace, placed_organ
-from sim.errors import UsageError
+from sim.episode.setup import make_workspace, placed_organ
 from sim.record.map_volumes import MapArrays, map_volumes, read_maps
 from sim.running.fields import config_of
 from sim.running.parts import scenario_of
-from sim.world.anatomy.placement import pose_matrix, turned
-from sim.world.anatomy.tumour_load import draw_lits_diameters
-from sim.world.anatomy.tumours import plant_load
-from sim.world.errors import AnatomyError
-from sim.world.solids.solid import Solid
-from sim.world.solids.surface_distance import SurfaceDistance
 
 ROOT = Path(__file__).resolve().parents[3]
 LIVERS = Path(os.environ.get("SOUNDING_DATA", ROOT.parent / "shared" / "data")) / "livers"
@@ -288,88 +277,6 @@ def test_a_mesh_of_very_many_triangles_is_simplified_and_said_so(tmp_path):
     assert any(f"{len(ball.faces):,} triangles were simplified to" in notice for notice in notices)
 
 
-def test_the_organ_lies_as_the_pose_says():
-    turned_by = scenario_of(config_of(organ_pose=("90", "0", "0")))
-    placed, _ = placed_organ(turned_by)
-    # A quarter turn about the world's x brings the front (up) to -y, and the head (world y) up.
-    assert placed.T_world_organ[:3, :3] @ [0.0, 0.0, 1.0] == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
-    assert placed.organ.bounds_m[0, 2] == pytest.approx(0.0, abs=1e-12)
-    at = scenario_of(config_of(organ_pose=("500", "10", "80", "1", "0", "0", "0")))
-    assert placed_organ(at)[0].T_world_organ == pytest.approx(pose_matrix([0.5, 0.01, 0.08], [1, 0, 0, 0]))
-    for words in (("up",), ("1", "2"), ("0", "0", "0", "0", "0", "0", "0"), ("nan", "0", "0")):
-        with pytest.raises(UsageError, match="three angles"):
-            scenario_of(config_of(organ_pose=words))
-
-
-def seen_share(scenario):
-    """The share of the organ that the cones of all poses see."""
-    placed, _ = placed_organ(scenario, None)
-    points_m = placed.organ.sample_inside(3000, np.random.default_rng(1))
-    cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    return visible_points(make_workspace(scenario, placed), cone, points_m).mean()
-
-
-def test_the_best_pose_of_a_plate_on_edge_lets_the_cones_see_more(tmp_path):
-    # Anterior up it stands on edge, 160 mm high, and the cones reach 130 mm; tilted they see it from its face too.
-    box = trimesh.creation.box((40.0, 160.0, 120.0)).subdivide_to_size(20.0)
-    box.export(tmp_path / "plate.stl")
-    plain, best = (
-        seen_share(scenario_of(config_of(organ=tmp_path / "plate.stl", organ_pose=words)))
-        for words in ((), ("best",))
-    )
-    assert best > plain + 0.05
-
-
-def test_where_no_turn_lets_the_cones_see_more_the_organ_stays_as_it_is(tmp_path):
-    ball = Solid.from_trimesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
-    assert best_turn_rad(ball, None, Cone(np.deg2rad(15.0), 0.13)) == (0.0, 0.0, 0.0)
-
-
-def test_a_turn_by_nothing_is_anterior_up():
-    assert turned((0.0, 0.0, 0.0)) @ [0.0, -1.0, 0.0] == pytest.approx([0.0, 0.0, 1.0])
-
-
-@pytest.fixture(scope="module")
-def generated():
-    """Scenarios and organs of two seeds."""
-    scenarios = [scenario_of(config_of(scenario="generated-liver", seed=seed)) for seed in (4, 5)]
-    return scenarios, [placed_organ(scenario)[0].organ for scenario in scenarios]
-
-
-def test_every_seed_has_a_liver_of_its_own_and_planners_share_it(generated):
-    (scenario, _), (organ, other) = generated
-    assert organ.volume_m3 != pytest.approx(other.volume_m3, rel=1e-3)
-    for planner in ("random", "find-and-outline"):  # equal scenarios are one setup
-        assert scenario_of(config_of(scenario="generated-liver", seed=4, planner=planner)) == scenario
-    assert np.array_equal(placed_organ(scenario)[0].organ.vertices_m, organ.vertices_m)
-
-
-def test_a_load_is_planted_below_the_capsule_and_shrinks_where_it_must(generated):
-    organ = generated[1][0]
-    tumours = plant_load(organ, [0.012, 0.1, 0.02], rng=np.random.default_rng(0))
-    diameters_m = np.cbrt(6.0 / np.pi * np.array([tumour.volume_m3 for tumour in tumours]))
-    assert 0.03 < diameters_m[0] < 0.1  # a decimetre fits nowhere
-    assert diameters_m[1:] == pytest.approx([0.02, 0.012], rel=1e-3)
-    surface = SurfaceDistance(organ)
-    for tumour in tumours:
-        assert surface.signed_distance_m(tumour.vertices_m).max() <= -0.0025
-
-
-def test_tumour_loads_have_the_quartiles_of_lits():
-    rng = np.random.default_rng(0)
-    loads = [draw_lits_diameters(rng) for _ in range(4000)]
-    counts = np.percentile([len(load) for load in loads], [25, 50, 75])
-    assert counts == pytest.approx([1, 3, 8], abs=1.0)
-    volumes_ml = [sum(np.pi / 6 * each**3 for each in load) * 1e6 for load in loads]
-    # Published: 3.4, 16.1 and 107.8 ml, of scans with tumours.
-    assert np.percentile(volumes_ml, [25, 50, 75]) == pytest.approx([3.0, 18.0, 86.0], rel=0.2)
-
-
-def test_scenarios_by_name_are_what_they_were():
-    assert SCENARIOS["liver"].organ_turn_rad == (0.0, 0.0, 0.0)
-    assert SCENARIOS["liver"].tumour_load == "fixed"
-
-
 @pytest.mark.skipif(not LIVERS.is_dir(), reason=f"no livers in {LIVERS}; set SOUNDING_DATA")
 def test_a_real_scan_runs_with_the_arm(no_figures, tmp_path):
     organ = LIVERS / "lits_016_outline" / "segmentation.nii.gz"
@@ -378,51 +285,3 @@ def test_a_real_scan_runs_with_the_arm(no_figures, tmp_path):
     summary = json.loads((tmp_path / "run/summary.json").read_text())
     assert summary["n_sensings"] == 3
     assert summary["attainable_fraction"] > 0.8
-
-
-def ball_file(tmp_path, radius_mm=50.0):
-    path = tmp_path / "kidney.stl"
-    trimesh.creation.icosphere(subdivisions=4, radius=radius_mm).export(path)
-    return path
-
-
-def test_one_pose_is_explained_over_a_patients_organ_with_its_notices(tmp_path, capsys):
-    organ = ball_file(tmp_path)
-    far = tmp_path / "vein.stl"
-    trimesh.creation.icosphere(radius=5.0).apply_translation([300.0, 0.0, 0.0]).export(far)
-    # The ball lies on the table, 0.5 m before the arm: its top is 100 mm up.
-    pose = ["--position-mm", "500", "0", "100", "--organ", str(organ), "--structure", str(far)]
-    assert main(["ik", *pose]) == 0
-    said = capsys.readouterr()
-    assert "on the organ's surface" in said.out
-    assert "vein: lies 245 mm from the organ" in said.err
-    assert "--mesh-frame" in said.err
-    # Turned on its side by nothing but a pose of its own, it is elsewhere.
-    assert main(["ik", *pose, "--organ-pose", "500", "0", "90", "1", "0", "0", "0"]) == 1
-    assert "inside the organ" in capsys.readouterr().out
-
-
-def test_every_command_about_a_patients_organ_takes_the_same_options_about_its_files():
-    from sim.cli import ik, inspection, reach
-    from sim.running.case import AnatomyConfig, CaseConfig
-    from sim.running.config import EpisodeConfig
-
-    for options in (EpisodeConfig, ik.Options, reach.Options, inspection.Options):
-        assert "case" in {field.name for field in dataclasses.fields(options)}
-    for options in (EpisodeConfig, ik.Options, reach.Options):
-        kinds = {field.name: field.type for field in dataclasses.fields(options)}
-        assert str(kinds["case"]).endswith(CaseConfig.__name__)
-        assert str(kinds["anatomy"]).endswith(AnatomyConfig.__name__)
-
-
-def test_an_organ_with_next_to_no_points_to_score_is_refused(tmp_path):
-    organ = ball_file(tmp_path, radius_mm=16.0)
-    (tmp_path / "coarse.toml").write_text(f'organ = "{organ}"\nscore_spacing_m = 0.02\n')
-    with pytest.raises(AnatomyError, match=r"only \d points of the lattice of 20 mm.*`score_spacing_m`"):
-        build_setup(load_scenario(str(tmp_path / "coarse.toml")))
-
-
-def test_an_organ_thinner_than_the_lattice_is_refused(tmp_path):
-    trimesh.creation.box((160.0, 2.0, 120.0)).subdivide_to_size(10.0).export(tmp_path / "leaf.stl")
-    with pytest.raises(AnatomyError, match="thinner than the lattice of 3 mm"):
-        build_setup(scenario_of(config_of(organ=tmp_path / "leaf.stl")))

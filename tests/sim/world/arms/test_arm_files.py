@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
+from arm_files import ARM, BENT, FLANGE, KEY, MIDDLE, arm
 
 from sim.episode.scenario import SCENARIOS
 from sim.reach.workcell import build_workcell
@@ -18,27 +19,6 @@ from sim.world.scene.clearance import Clearance
 from sim.world.scene.scene import build_scene
 
 TOP_M, DOWN = np.array([[0.5, 0.0, 0.12]]), np.array([[0.0, 0.0, -1.0]])
-ARM = """<mujoco model="six"><compiler angle="degree" autolimits="true"/>{head}
-<default><geom type="capsule" size="0.03" mass="1"/></default>
-<worldbody>{world}<body name="post"><geom fromto="0 0 0.05 0 0 0.35"/>
- <body name="shoulder" pos="0 0 0.42"><joint name="turn" axis="0 0 1" range="-170 170"/>
-  <joint name="lift" axis="0 1 0" range="-120 120"/><geom fromto="0.02 0 0 0.38 0 0"/>
-  <body name="elbow" pos="0.45 0 0"><joint name="bend" axis="0 1 0" range="-150 150"/><geom fromto="0.02 0 0 0.33 0 0"/>
-   <body name="wrist" pos="0.4 0 0"><joint name="roll" axis="1 0 0" {roll}/>
-    <joint name="nod" axis="0 1 0" range="-120 120"/><geom type="sphere" size="0.025"/>
-    <body name="hand" pos="0.03 0 0"><joint name="spin" axis="1 0 0" range="-170 170"/><geom type="sphere" size="0.02"/>
-     {flange}</body></body></body></body></body></worldbody>{extra}</mujoco>"""
-FLANGE = '<site name="flange" quat="0.7071068 0 0.7071068 0"/>'
-MIDDLE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-BENT = [0.0, -0.5, 1.5, 0.0, 1.0, 0.0]
-KEY = '<key name="home" qpos="0 -0.5 1.5 0 1 0" {}/>'
-
-
-def arm(tmp_path, *, flange_name=None, name="arm.xml", **parts) -> ArmModel:
-    path = tmp_path / name
-    given = {"head": "", "world": "", "roll": 'range="-170 170"', "flange": FLANGE, "extra": ""}
-    path.write_text(ARM.format(**(given | parts)))
-    return ArmModel(path=path, flange=flange_name)
 
 
 @pytest.fixture(autouse=True)
@@ -317,38 +297,3 @@ def test_a_link_that_is_always_in_the_organ_is_told(tmp_path, ball_anatomy, cone
 def test_notices_about_the_file_reach_the_workcell(tmp_path) -> None:
     workcell = build_workcell(SCENARIOS["sphere"], arm(tmp_path, world=MOCAP.format("")))
     assert "mocap body target" in workcell.notices[-1]
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("arm.xml", b"", "empty file"),
-        ("arm.xml", b"\x1f\x8b\x08\x00\x00", "XML parse error"),
-        ("arm.xml", "<mujoco><worldbody/></mujoco>".encode("utf-16"), "XML parse error"),
-        ("arm.xml", b"<mujoco><worldbody>" + 900 * b"<body>" + b"</worldbody></mujoco>", "XML parse error"),
-        ("arm.xml", b"<sdf version='1.6'/>", "Unrecognized XML model type: 'sdf'"),
-        ("arm.mjcf", b"<mujoco/>", "tells files by their names, and reads arms from .xml and .urdf"),
-        ("arm", b"<mujoco/>", "tells files by their names"),
-    ],
-)
-def test_a_file_that_is_no_mjcf_is_told_in_one_line(tmp_path, name, content, words) -> None:
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(ArmError, match=re.escape(words)) as caught:
-        ArmModel(path=tmp_path / name).load()
-    assert "\n" not in str(caught.value)
-
-
-def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path) -> None:
-    text = ARM.format(head="", world="", roll='range="-170 170"', flange=FLANGE, extra="")
-    (tmp_path / "arm.xml").write_bytes(b"\xef\xbb\xbf" + text.encode())
-    assert len(ArmModel(path=tmp_path / "arm.xml").load().home_q) == 6
-
-
-def test_a_name_too_long_for_a_file_is_a_missing_file(tmp_path) -> None:
-    with pytest.raises(ArmError, match="no such arm file"):
-        ArmModel(path=tmp_path / (5000 * "x")).load()
-
-
-def test_a_folder_is_no_missing_file(tmp_path) -> None:
-    with pytest.raises(ArmError, match="this is a folder.*`arm`"):
-        ArmModel(path=tmp_path).load()

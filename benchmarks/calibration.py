@@ -1,7 +1,7 @@
 """Is a probability of the map what it says? Reliability over many seeded episodes of the scenario `spheres`.
 
     .venv/bin/python -m benchmarks.calibration [--seeds 100] [--first 0] [--prevalence 0.02 0.5] [--variance 4 10]
-        [--gamma-spacing2 0.52 0.70] [--insets off on] [--planner random] [--readings 50]
+        [--gamma-spacing2 0.52 0.70] [--detail off on] [--planner random] [--readings 50]
         [--figure docs/figures/calibration.png]
 
 A planner's episode without an arm gives the readings, and every setting of the map learns the same ones. Expected
@@ -26,8 +26,8 @@ from threadpoolctl import threadpool_limits
 
 from mapping import (
     DetailedMap,
+    DetailSettings,
     HilbertMap,
-    InsetSettings,
     MapSettings,
     average_precision,
     dice,
@@ -60,7 +60,7 @@ class Answers:
         return (self.probability > 0.02) & (self.probability < 0.98)
 
 
-Choice = tuple[MapSettings, InsetSettings | None]
+Choice = tuple[MapSettings, DetailSettings | None]
 
 
 def collect(planner: str, seeds: range, n_readings: int, settings: list[Choice]) -> list[Answers]:
@@ -84,12 +84,12 @@ def collect(planner: str, seeds: range, n_readings: int, settings: list[Choice])
 
 
 def learnt_logits(
-    setup: Setup, settings: MapSettings, insets: InsetSettings | None, readings: list[Reading]
+    setup: Setup, settings: MapSettings, detail: DetailSettings | None, readings: list[Reading]
 ) -> NDArray[np.float64]:
     coarse = HilbertMap(
         setup.hinges, settings, query=setup.query, query_mask=setup.is_inside, hinge_mask=setup.hinge_mask
     )
-    belief = coarse if insets is None else DetailedMap(coarse, insets)
+    belief = coarse if detail is None else DetailedMap(coarse, detail)
     for reading in readings:
         belief.update(reading.points_m, reading.is_occupied)
     return belief.predict_lattice().score
@@ -147,31 +147,31 @@ def parsed_arguments() -> Namespace:
     parser.add_argument("--prevalence", type=float, nargs="+", default=[MapSettings().prior_prevalence])
     parser.add_argument("--variance", type=float, nargs="+", default=[MapSettings().weight_variance])
     parser.add_argument("--gamma-spacing2", type=float, nargs="+", default=[default_gamma_spacing2()])
-    parser.add_argument("--insets", nargs="+", choices=("off", "on"), default=["off"])
+    parser.add_argument("--detail", nargs="+", choices=("off", "on"), default=["off"])
     parser.add_argument("--planner", nargs="+", choices=PLANNERS, default=list(PLANNERS))
     parser.add_argument("--figure", type=Path, default=None)
     return parser.parse_args()
 
 
-def setting(gamma_spacing2: float, prevalence: float, variance: float, insets: str) -> Choice:
-    """The settings of a map, and of its insets where they are on."""
+def setting(gamma_spacing2: float, prevalence: float, variance: float, detail: str) -> Choice:
+    """The settings of a map, and of its detail where they are on."""
     settings = MapSettings(
         gamma_per_m2=gamma_spacing2 / MapSettings().hinge_spacing_m ** 2,
         prior_prevalence=prevalence,
         weight_variance=variance,
     )
-    return settings, InsetSettings() if insets == "on" else None
+    return settings, DetailSettings() if detail == "on" else None
 
 
 def main() -> None:
     arguments = parsed_arguments()
     answers = {}
     print(
-        "| planner | gamma spacing^2 | prior prevalence | weight variance | insets | points in doubt "
+        "| planner | gamma spacing^2 | prior prevalence | weight variance | detail | points in doubt "
         "| calibration error | slope | skill | AUPRC | Dice |\n|---|---|---|---|---|---|---|---|---|---|---|"
     )
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    lists = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.insets)
+    lists = (arguments.gamma_spacing2, arguments.prevalence, arguments.variance, arguments.detail)
     choices = list(product(*lists))
     settings = [setting(*choice) for choice in choices]
     with threadpool_limits(1):

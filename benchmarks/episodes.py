@@ -48,7 +48,7 @@ def run_seed(config: EpisodeConfig, at: tuple[int, ...]) -> dict[str, Any]:
             parts.planner,
             seed=parts.seed,
             map_settings=parts.map_settings,
-            insets=parts.insets,
+            detail=parts.detail,
             sensor=parts.sensor,
         )
         auprc: list[float] = []

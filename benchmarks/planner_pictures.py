@@ -47,7 +47,7 @@ def play(options: Options, planner: str) -> tuple[Episode, list[Step]]:
     parts = make_parts(config_of(scenario=options.scenario, planner=planner, seed=options.seed, arm="none"))
     setup = build_setup(parts.scenario, None, parts.map_settings)
     episode = Episode(
-        setup, parts.planner, seed=parts.seed, map_settings=parts.map_settings, insets=parts.insets
+        setup, parts.planner, seed=parts.seed, map_settings=parts.map_settings, detail=parts.detail
     )
     return episode, list(episode.steps(options.steps, until_sensed=0.95))
 

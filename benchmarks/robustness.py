@@ -21,7 +21,7 @@ import tyro
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
-from mapping import InsetSettings, MapSettings
+from mapping import DetailSettings, MapSettings
 from planner import FindAndOutline
 from sim.campaign.journal import Entry, Journal
 from sim.campaign.study import key_of
@@ -120,7 +120,7 @@ def run_seed(number: int, seed: int, options: Options) -> Entry:
         planner = FindAndOutline(sure_radius_m=case.sure_radius_m)
         settings = replace(MapSettings(), **told)
         episode = NoisyEpisode(
-            _setup(number), planner, seed=seed, map_settings=settings, insets=InsetSettings()
+            _setup(number), planner, seed=seed, map_settings=settings, detail=DetailSettings()
         )
         episode.noise, episode.noise_rng = case.noise, np.random.default_rng((seed, NOISE_STREAM))
         sensings, sensed, n_steps = None, None, 0

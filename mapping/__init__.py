@@ -20,13 +20,13 @@ from .metrics import (
     precision_recall_curve,
 )
 from .prediction import Prediction
-from .settings import InsetSettings, MapSettings
+from .settings import DetailSettings, MapSettings
 from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
 __all__ = [
+    "DetailSettings",
     "DetailedMap",
     "HilbertMap",
-    "InsetSettings",
     "LabelledPoints",
     "Lattice",
     "MapMetrics",

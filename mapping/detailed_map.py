@@ -1,9 +1,9 @@
-"""A Hilbert map with finer ones laid into it wherever tumour was sensed.
+"""A Hilbert map that answers in more detail where tumour was sensed, and whose probabilities mean what they say.
 
 A kernel is a compromise: one as wide as the coarse map's carries what a reading says to where the next one will be,
-and smooths away a tumour that is no wider than itself. So around each cluster of points that were called tumour lies a
-box with hinges of its own, closer together and narrower in the same ratio. Its map learns from the same readings and
-answers for the points inside the box. Outside the boxes the coarse map answers; with no tumour sensed there are none.
+and smooths away a tumour that is no wider than itself. So within a centimetre of labels of tumour a local classifier
+asks the labels nearest to each place (`local_classifier`). Where these leave the place open, and everywhere else, the
+coarse map answers.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import logit
 
 from .belief.belief import UpdateReport
-from .boxes import Box, boxes_around
+from .detail import Detail, LocalAnswers
 from .hilbert_map import HilbertMap
-from .inset import Inset
 from .labelled_points import LabelledPoints
 from .lattice import check_points
-from .prediction import Prediction
-from .settings import InsetSettings, MapSettings
+from .likelihood import moderation
+from .prediction import LEAST_PROBABILITY, Prediction
+from .settings import DetailSettings, MapSettings
 from .storage import (
     DETAILED_MAP,
     checked_array,
@@ -35,25 +36,26 @@ from .storage import (
     taken_from,
     write_arrays,
 )
+from .threads import one_blas_thread
+
+_JUST_CALLED = 0.05
+"""Least score of a place at which tumour was sensed: the map calls it tumour, and says no more."""
 
 
 class DetailedMap:
-    """Belief over where an organ is occupied by tumour, finer where tumour was sensed; `update` changes it."""
+    """Belief over where an organ is occupied by tumour, in detail where tumour was sensed; `update` changes it."""
 
-    def __init__(self, coarse: HilbertMap, settings: InsetSettings | None = None) -> None:
-        """Takes a map into which nothing is laid yet.
+    def __init__(self, coarse: HilbertMap, settings: DetailSettings | None = None) -> None:
+        """Takes a map that has had no readings yet.
 
         Args:
             coarse: A map with a query lattice and without readings.
-            settings: How the finer maps are made; the defaults if None.
+            settings: How places near tumour are answered for; the defaults if None.
         """
         self.coarse = coarse
-        self._settings = settings if settings is not None else InsetSettings()
+        self._settings = settings if settings is not None else DetailSettings()
         self._readings: list[LabelledPoints] = []
-        self._tumour_m = np.empty((0, 3))
-        self._insets: dict[Box, Inset | None] = {}
-        self._n_samples = 0
-        self._rng: np.random.Generator | None = None
+        self._detail = Detail(coarse.query_points_m(), coarse.settings, self._settings)
 
     @property
     def settings(self) -> MapSettings:
@@ -61,104 +63,56 @@ class DetailedMap:
         return self.coarse.settings
 
     @property
-    def boxes(self) -> list[Box]:
-        """The boxes in which finer maps lie."""
-        return [inset.box for inset in self._laid_in()]
-
-    @property
     def n_weights(self) -> int:
-        """Number of hinges, those of the finer maps included."""
-        return self.coarse.n_weights + sum(inset.fine.n_weights for inset in self._laid_in())
+        """Number of hinges of the coarse map."""
+        return self.coarse.n_weights
 
     def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> UpdateReport:
         """Takes in a reading as `HilbertMap.update` does; the report is the coarse map's."""
         report = self.coarse.update(points_m, is_occupied)
         # Copies, since the caller may use the arrays again.
-        reading = LabelledPoints(check_points(points_m).copy(), np.array(is_occupied, dtype=bool))
-        self._readings.append(reading)
-        tumour_m = reading.believed_tumour_m(self.settings.false_positive_rate)
-        self._tumour_m = np.concatenate([self._tumour_m, tumour_m])
-        before, self._insets = self._insets, {}
-        step_m = self._box_step_m()
-        for box in boxes_around(self._tumour_m, margin_m=self._settings.margin_m, step_m=step_m):
-            if box not in before:
-                self._insets[box] = self._lay_in(box)
-                continue
-            self._insets[box] = inset = before[box]
-            if inset is not None:
-                inset.learn(reading)
+        self._learn(LabelledPoints(check_points(points_m).copy(), np.array(is_occupied, dtype=bool)))
         return report
 
     def revise(self, n_sweeps: int = 1) -> float:
-        """Fits every reading again as `HilbertMap.revise` does, in the finer maps too.
+        """Fits every reading again as `HilbertMap.revise` does; the detail never depends on their order."""
+        return self.coarse.revise(n_sweeps)
 
-        Args:
-            n_sweeps: How often all readings are gone through.
-
-        Returns:
-            The largest change of all maps.
-        """
-        maps = (self.coarse, *(inset.fine for inset in self._laid_in()))
-        return max(each.revise(n_sweeps) for each in maps)
-
+    @one_blas_thread()
     def predict(self, points_m: ArrayLike) -> Prediction:
         """The belief at any points [m], shape (N, 3)."""
         points = check_points(points_m)
         prediction = self.coarse.predict(points)
-        mean, variance = prediction.latent_mean.copy(), prediction.latent_variance.copy()
-        for inset in self._laid_in():
-            inside = inset.box.holds(points)
-            if inside.any():
-                fine = inset.fine.predict(points[inside])
-                mean[inside], variance[inside] = fine.latent_mean, fine.latent_variance
-        return Prediction(mean, variance)
+        return self._combined(prediction, self._detail.at(points)) if len(points) else prediction
 
+    @one_blas_thread()
     def predict_lattice(self) -> Prediction:
-        """The belief at the points of the query lattice that its mask keeps, in C order."""
-        prediction = self.coarse.predict_lattice()
-        mean, variance = prediction.latent_mean.copy(), prediction.latent_variance.copy()
-        for inset in self._laid_in():
-            fine = inset.fine.predict_lattice()
-            mean[inset.answers], variance[inset.answers] = fine.latent_mean, fine.latent_variance
-        return Prediction(mean, variance)
+        """The belief at the points of the query lattice that its mask keeps, in C order.
+
+        A point of the lattice stands for the places that are nearest to it: where a believed label of tumour is among
+        these, and no free label is nearer to the point, it is more likely tumour than not.
+        """
+        return self._combined(self.coarse.predict_lattice(), self._detail.answers())
 
     def query_points_m(self) -> NDArray[np.float64]:
         """The points [m] that `predict_lattice` answers for, shape (N, 3)."""
         return self.coarse.query_points_m()
 
     def carry_samples(self, n_samples: int, *, rng: np.random.Generator) -> None:
-        """Draws whole maps from the belief and moves them with every later reading.
-
-        Each map has a stream of its own: the coarse map draws from `rng` itself, so its draws are those of a
-        `HilbertMap` with this generator; each finer map draws from a child, `rng.spawn(1)`, in the order in which
-        they are laid in (those that are there now in the order of `boxes`). A finer map that is laid in later draws
-        from its prior, and the readings that it is laid in with move these draws to its posterior.
-
-        Args:
-            n_samples: Number of draws, S.
-            rng: Source of the draws, now and at every later reading.
-
-        Raises:
-            ValueError: If n_samples is below 1, or the form is local and has taken in a reading.
-        """
+        """Draws whole maps from the belief and moves them with every later reading, as `HilbertMap.carry_samples`."""
         self.coarse.carry_samples(n_samples, rng=rng)
-        self._n_samples, self._rng = n_samples, rng
-        for inset in self._laid_in():
-            self._carry_samples_of(inset)
 
     def sample_lattice(self) -> NDArray[np.float64]:
         """The carried draws of the latent at the points that `predict_lattice` answers for, shape (S, N).
 
-        A draw is a whole map, of which the finer maps give the part inside their boxes. No map knows how its latent
-        covaries with another's, so the parts of a draw are independent, and at a box's faces a draw has a step.
+        They are the coarse map's draws, moved and scaled at each point to the mean and the variance of the prediction.
 
         Raises:
             ValueError: If no samples are carried.
         """
-        draws = self.coarse.sample_lattice()
-        for inset in self._laid_in():
-            draws[:, inset.answers] = inset.fine.sample_lattice()
-        return draws
+        coarse, detailed = self.coarse.predict_lattice(), self.predict_lattice()
+        ratio = np.sqrt(detailed.latent_variance / np.maximum(coarse.latent_variance, 1e-30))
+        return detailed.latent_mean + ratio * (self.coarse.sample_lattice() - coarse.latent_mean)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the map to one npz file, whole or not at all; carried samples are not kept."""
@@ -178,19 +132,13 @@ class DetailedMap:
 
     def state(self) -> dict[str, NDArray]:
         """The arrays that make up the map, as a file holds them; carried samples are not among them."""
-        boxes = list(self._insets)
-        state = {
-            "inset_settings": np.array(json.dumps(asdict(self._settings))),
-            "box_low": np.array([box.low for box in boxes], dtype=np.int64).reshape(-1, 3),
-            "box_high": np.array([box.high for box in boxes], dtype=np.int64).reshape(-1, 3),
+        return {
+            "detail_settings": np.array(json.dumps(asdict(self._settings))),
             "reading_counts": np.array([len(r.points_m) for r in self._readings], dtype=np.int64),
             "reading_points_m": np.concatenate([np.empty((0, 3)), *(r.points_m for r in self._readings)]),
             "reading_labels": np.concatenate([np.empty(0, bool), *(r.is_occupied for r in self._readings)]),
             **put_under("coarse", self.coarse.state()),
         }
-        for number, inset in enumerate(self._insets.values()):
-            state |= {} if inset is None else put_under(f"inset_{number}", inset.fine.state())
-        return state
 
     @classmethod
     def from_state(cls, state: Mapping[str, NDArray]) -> DetailedMap:
@@ -202,35 +150,42 @@ class DetailedMap:
             TypeError: If the settings are not those of a map.
         """
         coarse = HilbertMap.from_state(taken_from("coarse", state))
-        restored = cls(coarse, InsetSettings(**json.loads(str(state["inset_settings"]))))
-        restored._readings = _readings_from(state)
-        rate = coarse.settings.false_positive_rate
-        believed_m = [reading.believed_tumour_m(rate) for reading in restored._readings]
-        restored._tumour_m = np.concatenate([restored._tumour_m, *believed_m])
-        for number, box in enumerate(_boxes_from(state, restored._box_step_m())):
-            arrays = taken_from(f"inset_{number}", state)
-            restored._insets[box] = Inset.from_state(box, coarse, arrays) if arrays else None
+        restored = cls(coarse, DetailSettings(**json.loads(str(state["detail_settings"]))))
+        for reading in _readings_from(state):
+            restored._learn(reading)
         return restored
 
-    def _box_step_m(self) -> float:
-        return 2.0 * self._settings.hinge_spacing_m
+    def _learn(self, reading: LabelledPoints) -> None:
+        self._readings.append(reading)
+        self._detail.learn(reading)
 
-    def _laid_in(self) -> list[Inset]:
-        return [inset for inset in self._insets.values() if inset is not None]
+    def _combined(self, coarse: Prediction, local: LocalAnswers) -> Prediction:
+        """What coarse map and local answers say together.
 
-    def _lay_in(self, box: Box) -> Inset | None:
-        """The inset of a box with all readings so far; None where the coarse map answers."""
-        inset = Inset.lay_in(box, self.coarse, self._settings)
-        if inset is not None:
-            self._carry_samples_of(inset)
-            for reading in self._readings:
-                inset.learn(reading)
-            inset.settle()
-        return inset
+            score = (1 - w) sharpness kappa(v) m + w score_far,   w = (v / s^2)^fading
+            p_far = (1 - u) p_coarse + u prevalence,   u = doubt (1 - exp(-(d / doubt_m)^2))
 
-    def _carry_samples_of(self, inset: Inset) -> None:
-        if self._rng is not None:
-            inset.fine.carry_samples(self._n_samples, rng=self._rng.spawn(1)[0])
+        m and v are the local latent's mean and variance, and d is the distance to the nearest label. The score of a
+        prediction is the log-odds of its probability.
+        """
+        settings = self._settings
+        weight = (local.variance / settings.variance) ** settings.fading
+        near = settings.sharpness * moderation(local.variance) * local.mean
+        far = self._with_doubt(coarse, local.label_distance_m)
+        score = np.where(weight < 1.0, (1.0 - weight) * near + weight * far, far)
+        score[local.holds_tumour] = np.maximum(score[local.holds_tumour], _JUST_CALLED)
+        variance = weight * coarse.latent_variance
+        return Prediction(score / moderation(variance), variance)
+
+    def _with_doubt(self, coarse: Prediction, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The coarse map's log-odds, with the doubt about what it says of places far from any label."""
+        settings = self._settings
+        share = settings.doubt * -np.expm1(-((distance_m / settings.doubt_m) ** 2))
+        doubted = (1.0 - share) * coarse.probability + share * self.settings.prior_prevalence
+        is_moved = share > 0.0
+        # Without a doubt the score is kept: its probability may have saturated.
+        clipped = np.clip(doubted, LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
+        return np.where(is_moved, logit(clipped), coarse.score)
 
 
 def _readings_from(state: Mapping[str, NDArray]) -> list[LabelledPoints]:
@@ -241,14 +196,4 @@ def _readings_from(state: Mapping[str, NDArray]) -> list[LabelledPoints]:
     return [
         LabelledPoints(points_m[rows], labels[rows])
         for rows in split_by_counts(state, "reading_counts", len(labels))
-    ]
-
-
-def _boxes_from(state: Mapping[str, NDArray], step_m: float) -> list[Box]:
-    low, high = (np.asarray(state[f"box_{end}"]) for end in ("low", "high"))
-    if low.shape != high.shape or low.shape[1:] != (3,) or {low.dtype.kind, high.dtype.kind} != {"i"}:
-        raise ValueError(f"its boxes have corners of shapes {low.shape} and {high.shape}")
-    return [
-        Box(tuple(low_end), tuple(high_end), step_m)
-        for low_end, high_end in zip(low.tolist(), high.tolist(), strict=True)
     ]

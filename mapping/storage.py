@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 HILBERT_MAP = "sounding hilbert map"
 DETAILED_MAP = "sounding detailed map"
-VERSIONS = {HILBERT_MAP: 4, DETAILED_MAP: 1}
+VERSIONS = {HILBERT_MAP: 4, DETAILED_MAP: 2}
 """The formats of saved maps, and the version of each that this release writes and reads."""
 
 

@@ -16,7 +16,7 @@ from .detailed_map import DetailedMap
 from .hilbert_map import HilbertMap
 from .lattice import Lattice
 from .prediction import Prediction
-from .settings import InsetSettings, MapSettings
+from .settings import DetailSettings, MapSettings
 from .storage import DETAILED_MAP, HILBERT_MAP, naming_the_file, read_arrays
 
 
@@ -77,8 +77,8 @@ class MapSpace:
     """Which points of the query lattice lie in the organ, shape (query.n_points,)."""
     settings: MapSettings
     """What the map assumes before it has seen anything, the sensor's rates of false labels among it."""
-    insets: InsetSettings | None = None
-    """Settings of the finer maps that are laid in where tumour was sensed; None for none."""
+    detail: DetailSettings | None = None
+    """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
 
     def __post_init__(self) -> None:
         """Checks the masks and keeps read-only copies of them.
@@ -109,7 +109,7 @@ TumourMapFactory = Callable[[MapSpace], TumourMap]
 
 
 def make_hilbert_map(space: MapSpace) -> HilbertMap | DetailedMap:
-    """The built-in map of a space, without readings: a Hilbert map, with finer ones to be laid in if it has insets.
+    """The built-in map of a space, without readings: a Hilbert map; in detail near sensed tumour if the space says how.
 
     Args:
         space: What the map is made for.
@@ -121,7 +121,7 @@ def make_hilbert_map(space: MapSpace) -> HilbertMap | DetailedMap:
         query_mask=space.is_inside,
         hinge_mask=space.hinge_mask,
     )
-    return coarse if space.insets is None else DetailedMap(coarse, space.insets)
+    return coarse if space.detail is None else DetailedMap(coarse, space.detail)
 
 
 def load_map(path: str | PathLike[str]) -> HilbertMap | DetailedMap:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mapping import (
-    InsetSettings,
+    DetailSettings,
     LabelledPoints,
     MapMetrics,
     MapSettings,
@@ -58,7 +58,7 @@ class Episode:
         *,
         seed: int,
         map_settings: MapSettings | None = None,
-        insets: InsetSettings | None = None,
+        detail: DetailSettings | None = None,
         tumour_map: TumourMapFactory | None = make_hilbert_map,
         sensor: Sensor | None = None,
         motion_model: MotionModel | None = None,
@@ -73,7 +73,7 @@ class Episode:
             planner: Ranks the poses.
             seed: Seed of everything random. Parts have streams of their own, so planners with one seed face one truth.
             map_settings: What the map assumes.
-            insets: Settings of finer maps, which are laid in where tumour was sensed; None for no finer maps.
+            detail: How the map answers in detail near sensed tumour; None for a plain Hilbert map.
             tumour_map: Makes the map from its space: `make_hilbert_map`, or a class of one's own. None keeps no map,
                 which suits only planners that need no belief. A second class gets a map of its own.
             sensor: Makes the readings; None for the paper's exact cone.
@@ -96,11 +96,11 @@ class Episode:
         scene = self.truth.scene if casts_rays else setup.scene
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
-        self.tumour_map = self._new_map(tumour_map, insets)
+        self.tumour_map = self._new_map(tumour_map, detail)
         self.prediction: Prediction | None = None
         self.target: TargetBelief | None = None
         if self.truth.target is not None:
-            self.target = TargetBelief(self.truth.target, setup.cone, self._new_map(tumour_map, insets))
+            self.target = TargetBelief(self.truth.target, setup.cone, self._new_map(tumour_map, detail))
         if plans_for_target and self.target is None:
             raise ValueError(
                 "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
@@ -280,11 +280,11 @@ class Episode:
         assert self.prediction is not None
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
-    def _new_map(self, make: TumourMapFactory | None, insets: InsetSettings | None) -> TumourMap | None:
+    def _new_map(self, make: TumourMapFactory | None, detail: DetailSettings | None) -> TumourMap | None:
         """A map before any reading, on the setup's lattices."""
         if make is None:
             return None
-        return make(self.setup.map_space(self._map_settings, insets))
+        return make(self.setup.map_space(self._map_settings, detail))
 
     def _predict(self) -> None:
         if self.tumour_map is not None:

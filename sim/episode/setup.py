@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping import InsetSettings, Lattice, MapSettings, MapSpace
+from mapping import DetailSettings, Lattice, MapSettings, MapSpace
 from planner import Cone, Workspace, visible_points
 from sim.world.anatomy.anatomy import build_anatomy
 from sim.world.anatomy.case_files import CaseFiles
@@ -93,12 +93,12 @@ class Setup:
         filled[self.is_inside] = values
         return filled.reshape(self.query.shape)
 
-    def map_space(self, settings: MapSettings, insets: InsetSettings | None) -> MapSpace:
+    def map_space(self, settings: MapSettings, detail: DetailSettings | None) -> MapSpace:
         """What a map of this setup is made for.
 
         Args:
             settings: What the map assumes.
-            insets: Settings of finer maps; None for none.
+            detail: How the map answers in detail near sensed tumour; None for a plain Hilbert map.
         """
         return MapSpace(
             hinges=self.hinges,
@@ -106,7 +106,7 @@ class Setup:
             query=self.query,
             is_inside=self.is_inside,
             settings=settings,
-            insets=insets,
+            detail=detail,
         )
 
 

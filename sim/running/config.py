@@ -97,9 +97,9 @@ class MappingConfig:
     """Settings of the map, by default those that the planner prefers: paper for expected-improvement and the baselines,
     calibrated for all others. paper expects half of the organ to be tumour, as the paper does, under which expected
     improvement explores; calibrated expects 2 per cent, and its probabilities mean what they say."""
-    map_insets: Literal["on", "off"] | None = None
-    """Whether finer maps are laid in where tumour was sensed; by default on with calibrated settings, and off with
-    those of the paper."""
+    map_detail: Literal["on", "off"] | None = None
+    """Whether the map answers in detail near sensed tumour and doubts itself far from what was sensed; by default on
+    with calibrated settings, and off with those of the paper."""
     prior_prevalence: float | None = None
     """Share of the organ that is expected to be tumour before anything is sensed, in place of that of
     `map_settings`."""

@@ -30,7 +30,7 @@ def run_config(
         **({"cannot_repeat": list(cannot_repeat)} if cannot_repeat else {}),
         "scenario": scenario_record(setup.scenario),
         "map": dataclasses.asdict(parts.map_settings),
-        "insets": None if parts.insets is None else dataclasses.asdict(parts.insets),
+        "detail": None if parts.detail is None else dataclasses.asdict(parts.detail),
         "T_world_organ": setup.T_world_organ,
         "T_input_world": np.linalg.inv(setup.T_world_organ),
         "input_axes": "LPS [m]: +x left, +y back, +z head of the patient; NIfTI has RAS [mm]",

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from mapping import InsetSettings, MapSettings, TumourMapFactory, make_hilbert_map
+from mapping import DetailSettings, MapSettings, TumourMapFactory, make_hilbert_map
 from planner import Planner, PlannerError, make_planner, planner_names
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
@@ -18,7 +18,7 @@ from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 from .arm_place import arm_of
 from .case import MM, scenario_changes
 from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
-from .settings import in_fields, insets_of, map_settings_of, motion_settings_of, servo_settings_of
+from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
 
 if TYPE_CHECKING:
     from sim.world.scene.arm import ArmModel
@@ -38,7 +38,7 @@ class EpisodeParts:
     make_map: TumourMapFactory | None
     """Makes the map of the tumours, and that of a second class; None where no map is kept."""
     map_settings: MapSettings
-    insets: InsetSettings | None
+    detail: DetailSettings | None
     """Settings of finer maps, which are laid in where tumour was sensed; None for no finer maps."""
     arm: ArmModel | None
     """The arm where it stands; None for a free-flying probe."""
@@ -96,7 +96,7 @@ def make_parts(
         sensor=sensor or sensor_of(config),
         make_map=make_map or _map_of(config, planner),
         map_settings=settings,
-        insets=insets_of(config, planner),
+        detail=detail_of(config, planner),
         arm=arm_of(config),
         motion=config.moving.motion,
         motion_settings=motion_settings_of(config),

@@ -124,7 +124,7 @@ def make_episode(
         planner or parts.planner,
         seed=parts.seed,
         map_settings=parts.map_settings,
-        insets=parts.insets,
+        detail=parts.detail,
         tumour_map=parts.make_map,
         sensor=parts.sensor,
         motion_model=make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings),

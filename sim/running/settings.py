@@ -6,7 +6,7 @@ import dataclasses
 import re
 from typing import Any, get_args
 
-from mapping import InsetSettings, MapSettings
+from mapping import DetailSettings, MapSettings
 from planner import Planner
 from sim.errors import FieldError, UsageError
 from sim.world.motion.settings import MotionSettings, ServoSettings
@@ -66,11 +66,11 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
         raise in_fields(config, error) from error
 
 
-def insets_of(config: EpisodeConfig, planner: Planner) -> InsetSettings | None:
-    """The settings of finer maps; None for no finer maps."""
-    wanted = config.mapping.map_insets
+def detail_of(config: EpisodeConfig, planner: Planner) -> DetailSettings | None:
+    """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
+    wanted = config.mapping.map_detail
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
-    return InsetSettings() if is_on else None
+    return DetailSettings() if is_on else None
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:

@@ -248,7 +248,7 @@ def test_a_planner_given_in_memory_gets_the_map_that_it_prefers(user) -> None:
             show_progress=False, **options,
         )  # fmt: skip
         config = json.loads((user / name / "config.json").read_text())
-        return {"map": config["map"], "insets": config["insets"]}
+        return {"map": config["map"], "detail": config["detail"]}
 
     paper = map_of("by-name", "expected-improvement")
     calibrated = map_of("calibrated", "find-and-outline")

@@ -47,7 +47,7 @@ BEFORE_GROUPS = {
         "cone_depth_mm": None,
         "map": "always",
     },
-    **{"map_form": "full", "map_settings": None, "map_insets": None, "prior_prevalence": None},
+    **{"map_form": "full", "map_settings": None, "map_detail": None, "prior_prevalence": None},
     **{
         "weight_variance": None,
         "em_iterations": None,
@@ -116,7 +116,7 @@ CASES = {
     "random planner on a scenario's file": "--scenario ball.toml --planner random --arm none --seed 4",
     "expected improvement with options": (
         "--scenario ball.toml --planner expected-improvement --ei-values probability --ei-reuse-poses --arm none "
-        "--map-insets on --seed 1"
+        "--map-detail on --seed 1"
     ),
     "a patient with the arm": (
         "--organ meshes/organ.stl --tumour meshes/tumour.stl --organ-pose 10 0 5 --base-mm 0 20 0 --seed 2"

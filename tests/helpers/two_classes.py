@@ -55,7 +55,7 @@ def write_labels(folder: Path) -> Path:
 
 def options(scenario: Path, **changes) -> EpisodeConfig:
     """Of a quick episode."""
-    quick: dict = {"arm": "none", "motion": "none", "steps": N_ACTIONS, "seed": 2, "map_insets": "off"}
+    quick: dict = {"arm": "none", "motion": "none", "steps": N_ACTIONS, "seed": 2, "map_detail": "off"}
     return config_of(scenario=str(scenario), **(quick | changes))
 
 

@@ -1,101 +1,45 @@
-"""Finer maps laid into a map: boxes around clusters, each with a map of its own, small tumours kept."""
-
-from dataclasses import replace
+"""Detailed maps: small tumours kept, what was sensed never denied, doubt far away, and probabilities that hold."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from detailed_maps import make_coarse, make_detailed, readings
+from scipy.stats import binomtest
 
-from mapping import DetailedMap, HilbertMap, InsetSettings, Lattice, MapSettings, average_precision
-from mapping.boxes import boxes_around
+from mapping import DetailedMap, DetailSettings, HilbertMap, Lattice, MapSettings, average_precision
 
 LOW_M, HIGH_M = (-0.06, -0.06, -0.08), (0.06, 0.06, 0.0)
 CENTRE_M, RADIUS_M = np.array([0.004, -0.003, -0.04]), 0.006
-QUERY = Lattice.from_box(LOW_M, HIGH_M, spacing_m=0.004)
-INSIDE = np.abs(QUERY.points_m()[:, 0]) < 0.05
 
 
-def make_coarse(**changes):
+def make_large(**changes):
     settings = MapSettings(**changes)
     hinges = Lattice.from_box(LOW_M, HIGH_M, spacing_m=settings.hinge_spacing_m)
-    return HilbertMap(hinges, settings, query=QUERY, query_mask=INSIDE)
+    query = Lattice.from_box(LOW_M, HIGH_M, spacing_m=0.004)
+    return HilbertMap(hinges, settings, query=query)
 
 
-def reading(rng, *, n_points=1000, centre_m=CENTRE_M):
-    points_m = rng.uniform(LOW_M, HIGH_M, (n_points, 3))
-    return points_m, np.linalg.norm(points_m - centre_m, axis=1) < RADIUS_M
+def test_before_any_reading_it_expects_the_prevalence_everywhere():
+    prediction = make_detailed(prior_prevalence=0.03).predict_lattice()
+    np.testing.assert_allclose(prediction.probability, 0.03, rtol=1e-9)
 
 
-@given(arrays(float, (12, 3), elements=st.floats(-0.2, 0.2)), st.floats(0.001, 0.03), st.floats(0.002, 0.02))
-def test_every_point_lies_in_a_box_with_the_margin_and_no_box_reaches_much_farther(
-    points_m, margin_m, step_m
-):
-    boxes = boxes_around(points_m, margin_m=margin_m, step_m=step_m)
-    assert 1 <= len(boxes) <= len(points_m)
-    for point in points_m:
-        gaps_m = [min((point - box.low_m).min(), (box.high_m - point).min()) for box in boxes]
-        assert max(gaps_m) >= margin_m - 1e-12
-    for box in boxes:
-        inside_m = points_m[box.holds(points_m, -margin_m + 1e-9)]
-        assert np.all(inside_m.min(axis=0) - box.low_m <= margin_m + step_m + 1e-9)
-        assert np.all(box.high_m - inside_m.max(axis=0) <= margin_m + step_m + 1e-9)
-    order = np.random.default_rng(0).permutation(len(points_m))
-    again = boxes_around(points_m[order], margin_m=margin_m, step_m=step_m)
-    assert set(again) == set(boxes)
-
-
-def test_without_tumour_sensed_it_is_the_coarse_map_to_the_bit():
-    coarse, detailed = make_coarse(), DetailedMap(make_coarse())
-    rng = np.random.default_rng(0)
-    for _ in range(3):
-        points_m = rng.uniform(LOW_M, HIGH_M, (300, 3))
-        coarse.update(points_m, np.zeros(300, dtype=bool))
-        detailed.update(points_m, np.zeros(300, dtype=bool))
-    assert detailed.boxes == []
-    np.testing.assert_array_equal(detailed.predict_lattice().score, coarse.predict_lattice().score)
-    np.testing.assert_array_equal(
-        detailed.predict(points_m).latent_mean, coarse.predict(points_m).latent_mean
-    )
-
-
-def test_inside_its_box_it_is_the_fine_map_of_the_same_readings_and_outside_the_coarse_one():
-    rng, settings = np.random.default_rng(1), InsetSettings(tolerance=0.0)
-    readings = [reading(rng, n_points=300) for _ in range(3)]
-    coarse, detailed = make_coarse(tolerance=0.0), DetailedMap(make_coarse(tolerance=0.0), settings)
-    spacing_m = settings.hinge_spacing_m
-    box, fine = None, coarse
-    for number, (points_m, labels) in enumerate(readings, start=1):
-        coarse.update(points_m, labels)
-        detailed.update(points_m, labels)
-        is_laid_in_anew = detailed.boxes != [box]
-        (box,) = detailed.boxes
-        if is_laid_in_anew:
-            fine = HilbertMap(
-                Lattice.from_box(box.low_m - spacing_m, box.high_m + spacing_m, spacing_m=spacing_m),
-                replace(
-                    coarse.settings, hinge_spacing_m=spacing_m, gamma_per_m2=4 * coarse.settings.gamma_per_m2
-                ),
-            )
-        for points_m, labels in readings[0 if is_laid_in_anew else number - 1 : number]:
-            near = box.holds(points_m, spacing_m)
-            fine.update(points_m[near], labels[near])
-        if is_laid_in_anew:
-            fine.revise()
-    asked_m = detailed.query_points_m()
-    inside = box.holds(asked_m)
-    assert 100 < inside.sum() < len(asked_m) / 2
-    on_lattice, anywhere = detailed.predict_lattice(), detailed.predict(asked_m)
-    expected = np.where(inside, fine.predict(asked_m).latent_mean, coarse.predict_lattice().latent_mean)
-    np.testing.assert_allclose(on_lattice.latent_mean, expected, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(anywhere.latent_mean, expected, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(anywhere.latent_variance, on_lattice.latent_variance, rtol=1e-6, atol=1e-6)
+def test_without_tumour_sensed_it_is_the_coarse_map_with_a_doubt_that_grows_with_the_distance():
+    settings = DetailSettings(cube_m=1e-6)
+    coarse, detailed = make_coarse(), make_detailed(detail=settings)
+    points_m = np.random.default_rng(0).uniform((-0.03, -0.03, -0.04), (-0.01, 0.03, 0.0), (300, 3))
+    for each in (coarse, detailed):
+        each.update(points_m, np.zeros(300, dtype=bool))
+    asked_m = coarse.query_points_m()
+    distance_m = np.linalg.norm(asked_m[:, None] - points_m, axis=2).min(axis=1)
+    share = settings.doubt * (1 - np.exp(-((distance_m / settings.doubt_m) ** 2)))
+    expected = (1 - share) * coarse.predict_lattice().probability + share * 0.02
+    # Beyond three times `doubt_m` the share counts as full.
+    np.testing.assert_allclose(detailed.predict_lattice().probability, expected, rtol=2e-4, atol=1e-9)
 
 
 def test_a_small_tumour_that_the_coarse_map_smooths_away_is_kept():
     rng = np.random.default_rng(2)
-    coarse, detailed = make_coarse(), DetailedMap(make_coarse())
+    coarse, detailed = make_large(), DetailedMap(make_large())
     for _ in range(4):
         points_m = CENTRE_M + rng.uniform(-0.025, 0.025, (600, 3))
         labels = np.linalg.norm(points_m - CENTRE_M, axis=1) < RADIUS_M
@@ -107,61 +51,123 @@ def test_a_small_tumour_that_the_coarse_map_smooths_away_is_kept():
     assert average_precision(sharp.score, is_tumour) > average_precision(smooth.score, is_tumour) + 0.05
 
 
-def test_a_diagonal_covariance_is_carried_into_the_box():
-    detailed = DetailedMap(make_coarse(form="diagonal"))
-    detailed.update(*reading(np.random.default_rng(4)))
-    assert len(detailed.boxes) == 1
-    assert np.isfinite(detailed.predict_lattice().score).all()
+@pytest.mark.parametrize("offset_m", [0.0, 0.0009, 0.0019])
+def test_a_single_label_of_tumour_among_many_that_are_free_is_called_tumour(offset_m):
+    detailed, rng = make_detailed(), np.random.default_rng(3)
+    asked_m = detailed.query_points_m()
+    place = int(np.argmin(np.linalg.norm(asked_m - (0.0, 0.0, -0.02), axis=1)))
+    points_m = rng.uniform((-0.03, -0.03, -0.04), (0.03, 0.03, 0.0), (600, 3))
+    points_m = points_m[np.linalg.norm(points_m - asked_m[place], axis=1) > 0.004]
+    label_m = asked_m[place] + offset_m / np.sqrt(3)
+    detailed.update(np.vstack([points_m, label_m]), np.arange(len(points_m) + 1) == len(points_m))
+    probability = detailed.predict_lattice().probability
+    assert probability[place] > 0.5
+    assert (probability > 0.5).sum() == 1
 
 
-def test_two_tumours_get_a_box_each_and_one_box_when_labels_join_them():
-    detailed, rng = DetailedMap(make_coarse()), np.random.default_rng(3)
-    ends = [np.array([-0.03, 0.0, -0.04]), np.array([0.03, 0.0, -0.04])]
-    for centre_m in ends:
-        detailed.update(*reading(rng, centre_m=centre_m))
-    assert len(detailed.boxes) == 2
-    assert detailed.n_weights > detailed.coarse.n_weights
-    bridge_m = np.linspace(*ends, 30)
-    detailed.update(bridge_m, np.ones(30, dtype=bool))
-    assert len(detailed.boxes) == 1
+def test_a_label_of_tumour_farther_from_a_place_than_a_free_one_does_not_decide_about_it():
+    detailed = make_detailed()
+    place_m = detailed.query_points_m()[100]
+    near_m, farther_m = place_m + np.array([0.0005, 0.0, 0.0]), place_m - np.array([0.0025, 0.0, 0.0])
+    around_m = place_m + np.random.default_rng(0).uniform(-0.02, 0.02, (500, 3))
+    around_m = around_m[np.linalg.norm(around_m - place_m, axis=1) > 0.004]
+    detailed.update(np.vstack([near_m, farther_m, around_m]), np.arange(len(around_m) + 2) == 1)
+    assert detailed.predict_lattice().probability[100] < 0.5
 
 
-@pytest.mark.parametrize("max_hinges", [1, 50])
-def test_a_box_too_large_for_finer_hinges_is_left_to_the_coarse_map(max_hinges):
-    detailed = DetailedMap(make_coarse(), InsetSettings(max_hinges=max_hinges))
-    detailed.update(*reading(np.random.default_rng(4)))
-    assert detailed.boxes == []
-    assert detailed.n_weights == detailed.coarse.n_weights
+def test_at_the_points_of_the_lattice_both_answers_agree_save_where_tumour_was_sensed():
+    detailed = make_detailed()
+    for reading in readings(3):
+        detailed.update(*reading)
+    on_lattice, anywhere = detailed.predict_lattice(), detailed.predict(detailed.query_points_m())
+    differs = np.abs(on_lattice.score - anywhere.score) > 1e-6
+    tumour_m = np.concatenate([points_m[labels] for points_m, labels in readings(3)])
+    gaps_m = np.linalg.norm(detailed.query_points_m()[:, None] - tumour_m, axis=2).min(axis=1)
+    # The farthest that a label can be from the point that is nearest to it is half a diagonal of 6 mm cells.
+    assert not differs[gaps_m > 0.0052].any()
+    assert np.all(on_lattice.score[differs] > anywhere.score[differs])
+    np.testing.assert_allclose(on_lattice.latent_variance, anywhere.latent_variance, rtol=1e-5, atol=1e-8)
 
 
-def test_scattered_false_labels_lay_in_nothing_where_the_sensor_is_known_to_make_them():
-    detailed = DetailedMap(make_coarse(false_positive_rate=0.02))
-    rng = np.random.default_rng(5)
-    points_m = rng.uniform(LOW_M, HIGH_M, (1000, 3))
-    detailed.update(points_m, rng.random(1000) < 0.02)
-    assert len(detailed.boxes) <= 1  # one in a thousand labels passes by chance
+def test_readings_asked_about_one_by_one_and_all_at_the_end_give_the_same_bytes():
+    asked_often, asked_once = make_detailed(), make_detailed()
+    for reading in readings(8):
+        for each in (asked_often, asked_once):
+            each.update(*reading)
+        asked_often.predict_lattice()
+    np.testing.assert_array_equal(asked_often.predict_lattice().score, asked_once.predict_lattice().score)
 
 
-def test_revising_reaches_the_finer_maps_too():
-    detailed, rng = DetailedMap(make_coarse()), np.random.default_rng(6)
-    for _ in range(3):
-        detailed.update(*reading(rng, n_points=200))
-    before = detailed.predict_lattice().score
+def test_its_probabilities_hold_on_planted_tumours():
+    """Of places in doubt, those called p are tumour about as often: over 40 planted worlds, in three bins."""
+    rng = np.random.default_rng(7)
+    said, true = [], []
+    for _ in range(40):
+        detailed = make_detailed()
+        centre_m, radius_m = (
+            rng.uniform((-0.02, -0.02, -0.03), (0.02, 0.02, -0.01)),
+            rng.uniform(0.005, 0.012),
+        )
+        for _ in range(3):
+            middle_m = centre_m + rng.uniform(-0.012, 0.012, 3)
+            points_m = middle_m + rng.uniform(-0.01, 0.01, (120, 3))
+            detailed.update(points_m, np.linalg.norm(points_m - centre_m, axis=1) < radius_m)
+        said.append(detailed.predict_lattice().probability)
+        true.append(np.linalg.norm(detailed.query_points_m() - centre_m, axis=1) < radius_m)
+    probability, is_tumour = np.concatenate(said), np.concatenate(true)
+    for low, high in ((0.1, 0.35), (0.35, 0.65), (0.65, 0.9)):
+        some = (probability > low) & (probability < high)
+        assert some.sum() > 80
+        # Points of one world hang together, so that the interval of independent ones is doubled.
+        interval = binomtest(int(is_tumour[some].sum()), int(some.sum())).proportion_ci(0.99)
+        middle, half = (interval.low + interval.high) / 2, interval.high - interval.low
+        assert abs(probability[some].mean() - middle) < half + 0.05, (low, middle, probability[some].mean())
+
+
+def test_it_can_be_revised_and_keeps_a_diagonal_covariance():
+    detailed, diagonal = make_detailed(), make_detailed(form="diagonal")
+    for reading in readings(3):
+        detailed.update(*reading)
+        diagonal.update(*reading)
     assert detailed.revise() > 0.0
-    changed = np.abs(detailed.predict_lattice().score - before)
-    inside = detailed.boxes[0].holds(detailed.query_points_m())
-    assert changed[inside].max() > 1e-3
+    assert np.isfinite(diagonal.predict_lattice().score).all()
+    assert len(detailed.predict(np.empty((0, 3))).score) == 0
+
+
+def test_scattered_false_labels_change_nothing_near_them_where_the_sensor_is_known_to_make_them():
+    rng = np.random.default_rng(5)
+    points_m = rng.uniform((-0.03, -0.03, -0.04), (0.03, 0.03, 0.0), (800, 3))
+    labels = rng.random(800) < 0.02
+    knowing = make_detailed(false_positive_rate=0.02)
+    knowing.update(points_m, labels)
+    assert (knowing.predict_lattice().probability > 0.5).sum() <= 1
+    trusting = make_detailed()
+    trusting.update(points_m, labels)
+    assert (trusting.predict_lattice().probability > 0.5).sum() >= 8
+
+
+def test_a_doubt_of_zero_leaves_the_coarse_map_alone_where_no_tumour_is_near():
+    coarse, detailed = make_coarse(), make_detailed(detail=DetailSettings(doubt=0.0))
+    for reading in readings(3):
+        coarse.update(*reading)
+        detailed.update(*reading)
+    tumour_m = np.concatenate([points_m[labels] for points_m, labels in readings(3)])
+    gaps_m = np.linalg.norm(coarse.query_points_m()[:, None] - tumour_m, axis=2).min(axis=1)
+    far = gaps_m > DetailSettings().reach_m
+    assert 100 < far.sum() < len(far) - 20
+    np.testing.assert_array_equal(detailed.predict_lattice().score[far], coarse.predict_lattice().score[far])
 
 
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        ({"hinge_spacing_m": 0.0}, "`hinge_spacing_m` must be positive"),
-        ({"margin_m": np.nan}, "`margin_m` must be positive"),
-        ({"tolerance": 1.0}, "`tolerance` must lie"),
-        ({"max_hinges": 0}, "`max_hinges` must be"),
+        ({"length_m": 0.0}, "`length_m` must be positive"),
+        ({"reach_m": np.nan}, "`reach_m` must be positive"),
+        ({"prior_mean": np.inf}, "`prior_mean` must be finite"),
+        ({"n_neighbours": 0}, "`n_neighbours` must be a whole number"),
+        ({"doubt": 1.0}, "`doubt` must lie"),
     ],
 )
 def test_settings_out_of_range_are_refused(change, text):
     with pytest.raises(ValueError, match=text):
-        InsetSettings(**change)
+        DetailSettings(**change)

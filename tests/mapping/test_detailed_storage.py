@@ -1,14 +1,14 @@
-"""A saved map with finer ones in it goes on as if it had never been saved; anything else is refused with the reason."""
+"""A saved detailed map goes on as if it had never been saved; anything else is refused with the reason."""
 
 import numpy as np
 import pytest
 from detailed_maps import HIGH_M, LOW_M, make_coarse, make_detailed, readings
 
-from mapping import DetailedMap, HilbertMap, InsetSettings, load_map
+from mapping import DetailedMap, DetailSettings, HilbertMap, load_map
 
 N_READINGS = 5
 SAVED_AFTER = (0, 1, 3)
-"""Readings after which a map is saved and loaded; the third lays in a finer map."""
+"""Readings after which a map is saved and loaded; the second is the first with tumour."""
 
 
 def learnt(n_readings=3, **changes):
@@ -19,7 +19,7 @@ def learnt(n_readings=3, **changes):
 
 
 def other_tumour(seed):
-    """A reading that lays in a second box."""
+    """A reading of a second tumour."""
     points_m = np.random.default_rng(seed).uniform(LOW_M, HIGH_M, (150, 3))
     return points_m, np.linalg.norm(points_m - (-0.024, 0.024, -0.034), axis=1) < 0.008
 
@@ -35,17 +35,15 @@ def assert_same(first, *others):
     for other in others:
         for one, answer in zip(expected, answers(other), strict=True):
             np.testing.assert_array_equal(one, answer)
-        assert first.boxes == other.boxes
         assert first.n_weights == other.n_weights
         assert first.settings == other.settings
 
 
 @pytest.mark.parametrize("form", ["full", "local", "diagonal"])
 def test_loaded_maps_learn_on_to_the_same_bytes_as_the_one_that_was_kept(form, tmp_path):
-    kept, loaded = make_detailed(form=form, insets=InsetSettings(margin_m=0.006)), []
+    kept, loaded = make_detailed(form=form, detail=DetailSettings(reach_m=0.008)), []
     for number, reading in enumerate([*readings(N_READINGS), other_tumour(7)]):
         if number in SAVED_AFTER:
-            assert bool(kept.boxes) == (number == 3)
             kept.save(tmp_path / f"{number}.npz")
             assert sorted(path.stem for path in tmp_path.iterdir()) == [
                 str(n) for n in SAVED_AFTER if n <= number
@@ -55,21 +53,10 @@ def test_loaded_maps_learn_on_to_the_same_bytes_as_the_one_that_was_kept(form, t
         for each in (kept, *loaded):
             each.update(*reading)
         assert_same(kept, *loaded)
-    assert len(kept.boxes) == 2
     if form != "diagonal":
         changes = {each.revise() for each in (kept, *loaded)}
         assert len(changes) == 1
         assert_same(kept, *loaded)
-
-
-def test_boxes_that_the_coarse_map_answers_for_come_back_as_such(tmp_path):
-    kept = learnt(insets=InsetSettings(max_hinges=1))
-    kept.save(tmp_path / "map.npz")
-    loaded = DetailedMap.load(tmp_path / "map.npz")
-    assert loaded.boxes == []
-    for each in (kept, loaded):
-        each.update(*other_tumour(8))
-    assert_same(kept, loaded)
 
 
 def test_labels_that_a_noisy_sensor_may_have_made_up_are_told_apart_after_loading_too(tmp_path):
@@ -144,19 +131,15 @@ def arrays(tmp_path_factory):
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
-        ({"version": np.array(99)}, "of version 99; this release reads version 1"),
-        ({"inset_settings": None}, "'inset_settings' is missing"),
-        ({"inset_settings": np.array('{"margin_m": -1}')}, "`margin_m` must be positive"),
-        ({"inset_settings": np.array('{"colour": 1}')}, "colour"),
-        ({"inset_settings": np.array("{")}, "Expecting property name"),
+        ({"version": np.array(99)}, "of version 99; this release reads version 2"),
+        ({"detail_settings": None}, "'detail_settings' is missing"),
+        ({"detail_settings": np.array('{"reach_m": -1}')}, "`reach_m` must be positive"),
+        ({"detail_settings": np.array('{"colour": 1}')}, "colour"),
+        ({"detail_settings": np.array("{")}, "Expecting property name"),
         ({"coarse/mean": None}, "'mean' is missing"),
         ({"coarse/settings": None}, "'settings' is missing"),
-        ({"box_low": None}, "'box_low' is missing"),
-        ({"box_low": np.zeros((1, 3))}, "its boxes have corners"),
-        ({"box_high": np.zeros((2, 3), dtype=np.int64)}, "its boxes have corners"),
-        ({"box_low": np.full((1, 3), -4)}, "answers for other points than the box"),
-        ({"inset_0/covariance": np.zeros(3)}, r"'covariance' has shape \(3,\)"),
-        ({"inset_0/held_offset": None}, "'held_offset' is missing"),
+        ({"coarse/covariance": np.zeros(3)}, r"'covariance' has shape \(3,\)"),
+        ({"coarse/held_offset": None}, "'held_offset' is missing"),
         ({"reading_counts": np.array([1, 2])}, "'reading_counts' does not hold the numbers"),
         ({"reading_counts": np.array([150.0, 150.0, 150.0])}, "'reading_counts' does not hold the numbers"),
         ({"reading_points_m": np.zeros((3, 3))}, r"'reading_points_m' has shape \(3, 3\)"),
@@ -171,13 +154,13 @@ def test_a_file_with_a_wrong_part_is_refused_and_the_part_named(arrays, change, 
             load(tmp_path / "changed.npz")
 
 
-def test_a_caller_who_uses_his_arrays_again_does_not_change_the_finer_maps():
+def test_a_caller_who_uses_his_arrays_again_does_not_change_the_map():
     first, second = make_detailed(), make_detailed()
     for points_m, labels in readings(2, n_points=400):
         first.update(points_m.copy(), labels.copy())
         second.update(points_m, labels)
         points_m[:], labels[:] = 0.0, False
-    # The second box is laid in now, and learns from the earlier readings too.
+    # Labels of the earlier readings come into play now.
     for each in (first, second):
         each.update(*other_tumour(7))
     assert_same(first, second)

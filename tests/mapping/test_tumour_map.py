@@ -8,8 +8,8 @@ from scipy.spatial import KDTree
 
 from mapping import (
     DetailedMap,
+    DetailSettings,
     HilbertMap,
-    InsetSettings,
     Lattice,
     MapSettings,
     MapSpace,
@@ -82,11 +82,11 @@ def test_a_class_that_lacks_a_method_is_no_map(space):
     assert not isinstance(Forgetful(), TumourMap)
 
 
-@pytest.mark.parametrize("insets", [None, InsetSettings()])
-def test_the_built_in_map_of_a_space_answers_at_its_points(space, insets):
-    made = make_hilbert_map(replace(space, insets=insets))
+@pytest.mark.parametrize("detail", [None, DetailSettings()])
+def test_the_built_in_map_of_a_space_answers_at_its_points(space, detail):
+    made = make_hilbert_map(replace(space, detail=detail))
     assert isinstance(made, TumourMap)
-    assert isinstance(made, HilbertMap if insets is None else DetailedMap)
+    assert isinstance(made, HilbertMap if detail is None else DetailedMap)
     np.testing.assert_array_equal(made.query_points_m(), space.points_m)
     made.update(*reading())
     assert made.predict_lattice().latent_mean.shape == (len(space.points_m),)

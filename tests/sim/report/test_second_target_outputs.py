@@ -222,7 +222,7 @@ def test_a_campaign_keeps_its_curves_beside_rows_without_it(case, here, tmp_path
     alone.write_text("".join(line for line in case.read_text().splitlines(True) if "target" not in line))
     study = tmp_path / "study.toml"
     study.write_text(
-        f'[episode]\narm = "none"\nmotion = "none"\nmap-insets = "off"\nsteps = 2\n'
+        f'[episode]\narm = "none"\nmotion = "none"\nmap-detail = "off"\nsteps = 2\n'
         f'[axes]\nscenario = ["{alone}", "{case}"]\nplanner = ["random"]\nseed = [3]\n'
     )
     assert main(["trials", "--study", str(study), "--jobs", "1", "--out", str(tmp_path / "both")]) == 0

@@ -1,0 +1,153 @@
+"""What a map answers at fixed places from the labels nearby, kept up to date as readings come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from .label_memory import LabelMemory
+from .labelled_points import LabelledPoints
+from .local_classifier import classify
+from .settings import DetailSettings, MapSettings
+
+_FAR = 3.0
+"""Beyond this many times `doubt_m` the doubt has its full share to a ten-thousandth, and distances need no measure."""
+
+
+@dataclass(frozen=True, eq=False)
+class LocalAnswers:
+    """What the labels near places say of them."""
+
+    mean: NDArray[np.float64]
+    """The latent's mean, shape (N,); 0 at places that are not near tumour."""
+    variance: NDArray[np.float64]
+    """The latent's variance, shape (N,); the prior variance at places that are not near tumour."""
+    label_distance_m: NDArray[np.float64]
+    """Distance to the nearest label [m], shape (N,); infinite where it is beyond what matters."""
+    holds_tumour: NDArray[np.bool_]
+    """Whether a believed label of tumour has this for its nearest place, and no free label is nearer to it, shape (N,).
+    """
+
+
+class Detail:
+    """The answers at N places; `learn` takes in readings, and `answers` works out what they changed."""
+
+    def __init__(
+        self, places_m: NDArray[np.float64], map_settings: MapSettings, settings: DetailSettings
+    ) -> None:
+        """Makes the answers before any reading.
+
+        Args:
+            places_m: The places [m], shape (N, 3).
+            map_settings: Gives the rates of false labels.
+            settings: How places near tumour are answered for.
+        """
+        n = len(places_m)
+        self._places_m, self._settings = places_m, settings
+        self._rates = (map_settings.false_positive_rate, map_settings.false_negative_rate)
+        self._memory = LabelMemory(
+            cube_m=settings.cube_m, range_m=2.0 * settings.reach_m, false_positive_rate=self._rates[0]
+        )
+        self._place_tree: KDTree | None = None
+        self._is_near = np.zeros(n, dtype=bool)
+        self._is_stale = np.zeros(n, dtype=bool)
+        self._last_neighbour_m = np.full(n, np.inf)
+        self._mean, self._variance = np.zeros(n), np.full(n, settings.variance)
+        self._label_distance_m = np.full(n, np.inf)
+        self._is_nearest_tumour = np.zeros(n, dtype=bool)
+        self._is_hit = np.zeros(n, dtype=bool)
+
+    def learn(self, reading: LabelledPoints) -> None:
+        """Takes in a reading."""
+        kept, tumour_m, entered_m = self._memory.add(reading)
+        self._note_distances(kept)
+        if len(tumour_m):
+            reached = self._within(tumour_m, self._settings.reach_m)[0]
+            self._is_stale[reached[~self._is_near[reached]]] = True
+            self._is_near[reached] = True
+            if self._place_tree is None:
+                self._place_tree = KDTree(self._places_m)
+            self._is_hit[self._place_tree.query(tumour_m)[1]] = True
+        if len(entered_m) and self._is_near.any():
+            near = np.flatnonzero(self._is_near)
+            farthest_m = self._last_neighbour_m[near].max()
+            places, gap_m = self._within(entered_m, float(farthest_m))
+            is_changed = self._is_near[places] & (gap_m < self._last_neighbour_m[places])
+            self._is_stale[places[is_changed]] = True
+
+    def answers(self) -> LocalAnswers:
+        """What the labels near the places say of them."""
+        self._catch_up()
+        return LocalAnswers(
+            self._mean,
+            self._variance,
+            self._label_distance_m,
+            self._is_hit & self._is_nearest_tumour,
+        )
+
+    def at(self, places_m: NDArray[np.float64]) -> LocalAnswers:
+        """What the labels nearby say of any places [m], shape (N, 3); none of them counts as the nearest to a label."""
+        other = Detail(places_m, MapSettings(), self._settings)
+        other._memory, other._rates = self._memory, self._rates
+        everything = LabelledPoints(self._memory.points_m, self._memory.is_tumour)
+        other._note_distances(everything)
+        if len(self._memory.tumour_m):
+            other._is_stale[other._within(self._memory.tumour_m, self._settings.reach_m)[0]] = True
+        return other.answers()
+
+    def _note_distances(self, reading: LabelledPoints) -> None:
+        """Notes which labels are nearer to a place than all before."""
+        if not len(reading.points_m):
+            return
+        candidates = self._around(reading.points_m, _FAR * self._settings.doubt_m)
+        if not candidates.size:
+            return
+        # The stubs take the neighbours of many places for one.
+        answer: Any = KDTree(reading.points_m).query(
+            self._places_m[candidates], distance_upper_bound=_FAR * self._settings.doubt_m
+        )
+        gap_m, nearest = answer
+        is_nearer = gap_m < self._label_distance_m[candidates]
+        nearer = candidates[is_nearer]
+        self._label_distance_m[nearer] = gap_m[is_nearer]
+        self._is_nearest_tumour[nearer] = reading.is_occupied[nearest[is_nearer]]
+
+    def _around(self, points_m: NDArray[np.float64], margin_m: float) -> NDArray[np.intp]:
+        """The places in the box around some points and a margin."""
+        low_m, high_m = points_m.min(axis=0) - margin_m, points_m.max(axis=0) + margin_m
+        return np.flatnonzero(((self._places_m >= low_m) & (self._places_m <= high_m)).all(axis=1))
+
+    def _within(
+        self, points_m: NDArray[np.float64], margin_m: float
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """The places within a margin of some points, and how far they are from the nearest [m]."""
+        candidates = self._around(points_m, margin_m)
+        if not candidates.size:
+            return candidates, np.empty(0)
+        gap_m, _ = KDTree(points_m).query(self._places_m[candidates], distance_upper_bound=margin_m)
+        is_within = np.isfinite(gap_m)
+        return candidates[is_within], gap_m[is_within]
+
+    def _catch_up(self) -> None:
+        """Answers anew for the places whose neighbours have changed."""
+        stale = np.flatnonzero(self._is_stale)
+        if not stale.size:
+            return
+        settings = self._settings
+        distance_m, points_m, is_tumour = self._memory.neighbours(
+            self._places_m[stale], settings.n_neighbours
+        )
+        is_full = distance_m.shape[1] == settings.n_neighbours
+        self._last_neighbour_m[stale] = distance_m[:, -1] if is_full else np.inf
+        # A place all of whose neighbours are free is left to the coarse map, which is as sure of it.
+        is_mixed = is_tumour.any(axis=1)
+        self._mean[stale], self._variance[stale] = 0.0, settings.variance
+        mixed = stale[is_mixed]
+        self._mean[mixed], self._variance[mixed] = classify(
+            self._places_m[mixed], points_m[is_mixed], is_tumour[is_mixed], settings, self._rates
+        )
+        self._is_stale[stale] = False

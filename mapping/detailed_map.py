@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import logit
 
 from .belief.belief import UpdateReport
-from .detail import Detail, LocalAnswers
 from .hilbert_map import HilbertMap
 from .labelled_points import LabelledPoints
 from .lattice import check_points
 from .likelihood import moderation
+from .near_tumour.detail import Detail, LocalAnswers
 from .prediction import LEAST_PROBABILITY, Prediction
 from .settings import DetailSettings, MapSettings
 from .storage import (

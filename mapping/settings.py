@@ -88,7 +88,7 @@ class DetailSettings:
     """Places within this distance of a label of tumour are near tumour [m]."""
     cube_m: float = 0.0025
     """Of the labels of one kind in a cube of this side [m], the first is kept."""
-    sharpness: float = 2.7
+    sharpness: float = 3.0
     """Factor of the log-odds near tumour: Laplace's approximation is too timid."""
     fading: float = 1.3
     """Power of the share of the prior variance that is left, by which a place falls back to the coarse map."""

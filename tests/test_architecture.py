@@ -40,6 +40,7 @@ ROOMS = (
 """Every room, the lowest first: a room imports from itself and from those before it."""
 WITHIN = {
     "mapping.belief": "mapping",
+    "mapping.near_tumour": "mapping",
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",

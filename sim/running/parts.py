@@ -39,7 +39,7 @@ class EpisodeParts:
     """Makes the map of the tumours, and that of a second class; None where no map is kept."""
     map_settings: MapSettings
     detail: DetailSettings | None
-    """Settings of finer maps, which are laid in where tumour was sensed; None for no finer maps."""
+    """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
     arm: ArmModel | None
     """The arm where it stands; None for a free-flying probe."""
     motion: MotionKind

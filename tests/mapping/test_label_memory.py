@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapping.label_memory import LabelMemory
 from mapping.labelled_points import LabelledPoints
+from mapping.near_tumour.label_memory import LabelMemory
 
 CUBE_M, RANGE_M = 0.004, 0.011
 

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from mapping import DetailSettings
-from mapping.local_classifier import classify
+from mapping.near_tumour.local_classifier import classify
 
 RATES = [(0.0, 0.0), (0.05, 0.05), (0.02, 0.0)]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ..labelled_points import LabelledPoints
+from ..settings import DetailSettings, MapSettings
 from .label_memory import LabelMemory
-from .labelled_points import LabelledPoints
 from .local_classifier import classify
-from .settings import DetailSettings, MapSettings
 
 _FAR = 3.0
 """Beyond this many times `doubt_m` the doubt has its full share to a ten-thousandth, and distances need no measure."""

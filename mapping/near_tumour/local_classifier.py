@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from .settings import DetailSettings
+from ..settings import DetailSettings
 
 _BLOCK = 1024
 """Places that are handled at once, so that their matrices stay near the processor."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from .labelled_points import LabelledPoints
+from ..labelled_points import LabelledPoints
 
 
 class LabelMemory:

@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+SAME_M, N_CONFIGURATIONS = 1e-6, 32
+"""Distances that differ by less than this in so many configurations [m] are one that no joint changes."""
 ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 """Shapes without a sphere around them."""
 
@@ -18,9 +20,10 @@ ENDLESS = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 class GeomPairs:
     """The pairs of geoms of a model between which MuJoCo looks for contacts."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        """Find the pairs, by MuJoCo's own rules."""
+    def __init__(self, model: mujoco.MjModel, without: frozenset[tuple[int, int]] = frozenset()) -> None:
+        """Find the pairs, by MuJoCo's own rules; those of `without` count only where they overlap."""
         self._pairs = _colliding_pairs(model)
+        self._is_standing = np.array([tuple(pair) in without for pair in self._pairs.tolist()], dtype=bool)
         reach_m = model.geom_rbound.copy()
         reach_m[np.isin(model.geom_type, ENDLESS)] = np.inf
         self._reach_m = reach_m[self._pairs].sum(axis=1)
@@ -44,9 +47,32 @@ class GeomPairs:
                 break
             geoms = int(self._pairs[row, 0]), int(self._pairs[row, 1])
             distance_m = float(mujoco.mj_geomDistance(model, data, *geoms, bound_m, None))
-            if distance_m < bound_m:
+            if distance_m < bound_m and not (self._is_standing[row] and distance_m >= 0.0):
                 least_m, closest = distance_m, geoms
         return least_m, closest
+
+
+def standing_pairs(model: mujoco.MjModel) -> frozenset[tuple[int, int]]:
+    """Pairs whose distance no joint changes, such as the table and a round first link that turns above it.
+
+    How near they are says nothing about a configuration, so they count only where they overlap.
+    """
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    weld = model.body_weldid[model.geom_bodyid]
+    is_still = weld == 0
+    is_first = ~is_still & (model.body_weldid[model.body_parentid[weld]] == 0)
+    pairs = [
+        (first, second)
+        for first, second in _colliding_pairs(model).tolist()
+        if (is_still[first] and is_first[second]) or (is_still[second] and is_first[first])
+    ]
+    distances_m = np.empty((N_CONFIGURATIONS, len(pairs)))
+    for row in range(N_CONFIGURATIONS):
+        data.qpos[:] = rng.uniform(-1.0, 1.0, model.nq)
+        mujoco.mj_kinematics(model, data)
+        distances_m[row] = [mujoco.mj_geomDistance(model, data, *pair, 1.0, None) for pair in pairs]
+    is_same = np.ptp(distances_m, axis=0) < SAME_M
+    return frozenset(pair for pair, same in zip(pairs, is_same.tolist(), strict=True) if same)
 
 
 def _colliding_pairs(model: mujoco.MjModel) -> NDArray[np.int64]:

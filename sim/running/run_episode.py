@@ -165,7 +165,7 @@ def record_episode(
         if output.frames != "none":
             renderer = stack.enter_context(frame_renderer(episode))
         folder = stack.enter_context(RunFolder(output.folder, overwrite=output.overwrite))
-        notices = list(dict.fromkeys((*setup.notices, *episode.truth.anatomy.notices)))
+        notices = list(dict.fromkeys((*setup.notices, *episode.notices)))
         config = run_config(parts, setup, output.options, output.cannot_repeat) | {"notices": notices}
         folder.begin(config, {"seed": parts.seed})
         write_anatomy(folder, episode.truth.anatomy)

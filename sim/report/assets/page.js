@@ -112,7 +112,7 @@
   document.addEventListener("keydown", event => {
     const target = event.target;
     // Other sliders have the same keys, and what can be pressed has the space bar.
-    if (event.altKey || event.ctrlKey || event.metaKey || target.closest("input[type=range]:not(#slider)")) return;
+    if (event.altKey || event.ctrlKey || event.metaKey || target.closest("input[type=range]:not(#slider), select")) return;
     const moves = { ArrowRight: step + 1, ArrowLeft: step - 1, Home: 0, End: last };
     if (target === slider) Object.assign(moves, { ArrowUp: step + 1, ArrowDown: step - 1, PageUp: step + 10, PageDown: step - 10 });
     if (event.key in moves) { event.preventDefault(); stop(); setStep(moves[event.key]); }
@@ -158,7 +158,7 @@
   const draw = async run => {
     const array = await unpack(run), target = run.data.view.target;
     const histories = { map: run.data.view.map && mapHistory(run.data.view.map, array), target: target && target.map && mapHistory(target.map, array) };
-    if (histories.map && document.getElementById("slices")) slices = makeSlices(run.data.view, array, histories.map, tell);
+    if (histories.map && document.getElementById("slices")) slices = makeSlices(run.data.view, array, histories, tell);
     // The runs are looked at from one place.
     run.view = makeView(run.data.view, array, histories, { part: run.part, onPick: setStep, onLook: look => { for (const other of views()) if (other !== run.view) other.lookAs(look); } });
   };

@@ -324,7 +324,10 @@ const makeView = (data, array, histories, { part, onPick, onLook }) => {
     for (const { element, at, group, of, ends } of labels) {
       const isShown = group.visible && element.textContent && isInView(of) && (!ends || ends.some(end => isLong(of, end))) && isInView(at);
       element.style.display = isShown ? "" : "none";
-      if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
+      if (!isShown) continue;
+      // No label is cut off at the edge.
+      const half = element.offsetWidth / 2 + 4, across = Math.min(Math.max((spot.x + 1) / 2 * width, half), width - half);
+      element.style.transform = `translate(${across.toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
     }
   };
   const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null, isMoving: false };

@@ -191,8 +191,8 @@ class EpisodeConfig:
     until_sensed: float | None = None
     """Stop as soon as this share of the tumours was sensed, for example 0.95."""
     until_confident: float | None = None
-    """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95. What
-    lies in no pose's cone is left out of that; the results tell how much it is."""
+    """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95.
+    Planners that tell no confidence refuse it. What lies in no pose's cone is left out; the results tell how much."""
     seed: int = 0
     """Seed of everything random. Planners that are given one seed face the same tumours."""
     arm: str = "default"

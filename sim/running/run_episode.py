@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from planner import Planner
 from sim.episode.arm_motion import make_motion_model
-from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.motion import ProcedureStoppedError
 from sim.episode.setup import Setup, build_setup
@@ -259,7 +258,6 @@ class _EpisodeRun:
         self._frames.close()
         summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
         summary |= {
-            "visible_fraction": float(seeable_points(episode.setup, episode.skipped).mean()),
             "folder": str(folder.path),
             "status": self._status,
             "ended_by": episode.ended_by,

@@ -11,11 +11,16 @@ neither mink nor SciPy looks at contacts.
 
 solves every pose of a scenario, stand-off included, twice with different sets of starts, and tries those called
 unreachable again from 60 configurations drawn at random.
+
+    .venv/bin/python -m benchmarks.ik --seeds liver
+
+studies a scenario with three seeds, and tells what of it they do not share.
 """
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from itertools import combinations
 from time import perf_counter, process_time
 
 import mink
@@ -25,6 +30,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from sim.episode.scenario import SCENARIOS
+from sim.reach.reachability import study_reach
 from sim.reach.workcell import Workcell, build_workcell
 from sim.world.ik.damped_least_squares import AXIS_WEIGHT_M
 from sim.world.ik.kinematics import Kinematics
@@ -41,11 +47,14 @@ def main() -> None:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--poses", type=int, default=200)
     parser.add_argument("--effort", nargs="+", default=(), metavar="SCENARIO")
+    parser.add_argument("--seeds", nargs="+", default=(), metavar="SCENARIO")
     arguments = parser.parse_args()
     with threadpool_limits(1):
         for scenario in arguments.effort:
             study_effort(scenario)
-        if arguments.effort:
+        for scenario in arguments.seeds:
+            compare_seeds(scenario)
+        if arguments.effort or arguments.seeds:
             return
         workcell = build_workcell(SCENARIOS["liver"], named_arm("default"))
         print("| poses | method | solved | free | ms a pose |\n|---|---|---|---|---|")
@@ -72,6 +81,24 @@ def study_effort(scenario: str) -> None:
         f"  60 random starts find {found} of the {len(rows)} unreachable: {found / n_poses:.2%} of all",
         flush=True,
     )
+
+
+def compare_seeds(scenario: str) -> None:
+    """What studies of a scenario with the seeds 0, 1 and 2 share, and what not."""
+    workcell = build_workcell(SCENARIOS[scenario], named_arm("default"))
+    searches = [workcell.make_search(IkSettings(start_seed=seed)) for seed in range(3)]
+    studies = [study_reach(search, workcell.workspace) for search in searches]
+    is_reached = np.array([study.is_reached for study in studies])
+    same = (is_reached == is_reached[0]).all(axis=0)
+    print(f"{scenario}: three seeds agree about {same.sum()} of {len(same)} poses;", end=" ")
+    print(f"regions {[int(study.region.max()) + 1 for study in studies]}, ", end="")
+    print(f"median scores {[round(float(np.nanmedian(study.score)), 2) for study in studies]}")
+    for first, second in combinations(range(3), 2):
+        both = is_reached[first] & is_reached[second]
+        apart = np.abs(studies[first].score - studies[second].score)[both]
+        print(
+            f"  seeds {first} and {second}: the score of {np.mean(apart > 0.1):.1%} differs by more than 0.1"
+        )
 
 
 def found_at_random(search: IkSearch, position_m, normal) -> bool:

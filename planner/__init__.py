@@ -26,7 +26,7 @@ from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
-from .registry import make_planner, planner_class, planner_names
+from .registry import confident_planner_names, make_planner, planner_class, planner_names
 from .situation import Situation
 from .visibility import scattered_poses, visibility, visible_points
 from .workspace import Workspace
@@ -47,6 +47,7 @@ __all__ = [
     "ThompsonSampling",
     "UpperConfidenceBound",
     "Workspace",
+    "confident_planner_names",
     "expected_improvement",
     "log_expected_improvement",
     "log_probability_of_improvement",

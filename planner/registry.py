@@ -37,6 +37,11 @@ def planner_names() -> tuple[str, ...]:
     return tuple(_PLANNERS)
 
 
+def confident_planner_names() -> tuple[str, ...]:
+    """The names of the planners that tell how sure they are that nothing is left."""
+    return tuple(name for name, made in _PLANNERS.items() if made.confidence is not Planner.confidence)
+
+
 def planner_class(name: str) -> type[Planner]:
     """The class of the planner of that name.
 

@@ -83,7 +83,7 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
     if isinstance(ahead, Lookahead):
         # These poses were solved while the planner ranked.
         timings |= {"plan_s": timings["plan_s"] - ahead.prepare_s, "ik_s": timings["ik_s"] + ahead.prepare_s}
-    notices = tuple(dict.fromkeys((*setup.notices, *episode.truth.anatomy.notices)))
+    notices = tuple(dict.fromkeys((*setup.notices, *episode.notices)))
     return TrialResult(row, timings, _curves(episode, totals), notices=notices)
 
 

@@ -1,4 +1,4 @@
-"""`sounding compare`: tables, intervals and figures of one or more campaigns."""
+"""`sounding compare`: tables, intervals and figures of one or more campaigns, or runs on one page."""
 
 from __future__ import annotations
 
@@ -19,19 +19,22 @@ sounding compare renders/paper
 sounding compare renders/one renders/another --out renders/both
 sounding compare renders/paper --reference random --seeds 0:10
 sounding compare renders/paper --view-seed 4              # runs seed 4 of each contender again
+sounding compare renders/first renders/second             # two runs of sounding episode on one page
 """
 """What the help begins with."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Compare the planners of one or more campaigns on equal seeds, with tables, intervals and figures.
+    """Compare the planners of one or more campaigns on equal seeds, with tables, intervals and figures, or show two to
+    four runs of `sounding episode` on one page.
 
-    The output folder gets compare.md, compare.csv, report.html and figures; the tables are printed as well.
+    The output folder gets compare.md, compare.csv, report.html and, for campaigns, figures; the tables are printed as
+    well.
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders that `sounding trials` wrote."""
+    """Folders that `sounding trials` wrote, or folders of runs."""
     out: Path | None = None
     """Folder to write to; by default compare in the first of the folders, with the names of the others behind."""
     seeds: str | None = None
@@ -47,7 +50,9 @@ class Options:
     def __post_init__(self) -> None:
         """Validate the ranges."""
         if not self.folders:
-            raise UsageError("compare needs one folder or more that `sounding trials` wrote.")
+            raise UsageError(
+                "compare needs one folder or more that `sounding trials` wrote, or two of `sounding episode`."
+            )
         if not 1 <= self.jobs <= 256:
             raise FieldError("jobs", self.jobs, "must be from 1 to 256.")
 
@@ -74,5 +79,6 @@ def run(options: Options) -> int:
         jobs=options.jobs,
     )
     print(summary.text)
-    print(f"written to {summary.folder}, with {len(summary.figures)} figures")
+    figures = f", with {len(summary.figures)} figures" if summary.figures else ""
+    print(f"written to {summary.folder}{figures}")
     return 0

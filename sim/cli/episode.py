@@ -85,7 +85,7 @@ def run(options: EpisodeConfig) -> int:
         )
         return INTERRUPTED
     print(episode_table(summary))
-    if parts.until_confident is not None and summary["confidence"] is not None:
+    if parts.until_confident is not None:
         print(wrapped(excluded_text(summary)))
     if options.output.report:
         print(f"open {summary['folder']}/report.html in a browser")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError
-from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base
+from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base, check_padding
 from sim.running.case import MM, AnatomyConfig, CaseConfig, metres, scenario_changes
 
 from .terminal import NOT_REACHED, note, parse
@@ -38,6 +38,8 @@ class Options:
     """Direction of the beam into the organ, of any length."""
     standoff_mm: float = 40.0
     """Distance above the pose from which the probe approaches it [mm]; with 0 only the pose is solved."""
+    padding_mm: float = 0.0
+    """Room that arm and probe keep from the table, and the arm from itself and beyond its 3 mm from the organ [mm]."""
     scenario: str = "liver"
     """Scenario whose organ lies before the arm: sphere, spheres, liver, or the path of a scenario file (.toml)."""
     organ: Path | None = None
@@ -68,6 +70,7 @@ class Options:
             raise FieldError("normal", _short(self.normal), "must be three finite numbers, not all zero.")
         if not 0.0 <= self.standoff_mm <= 500.0:
             raise FieldError("standoff_mm", self.standoff_mm, "must be from 0 to 500 mm.")
+        check_padding(self.padding_mm)
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
@@ -88,7 +91,11 @@ def run(options: Options) -> int:
     for text in workcell.notices:
         note(text)
     explanation = explain_pose(
-        workcell, metres(options.position_mm), options.normal, standoff_m=options.standoff_mm * MM
+        workcell,
+        metres(options.position_mm),
+        options.normal,
+        standoff_m=options.standoff_mm * MM,
+        padding_m=options.padding_mm * MM,
     )
     if 0.0 < max(abs(value) for value in options.position_mm) < METRES_MM:
         print("note             the position is in millimetres; was it given in metres?")

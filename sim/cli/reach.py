@@ -14,7 +14,7 @@ from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
 from sim.record.default_folders import default_folder, file_part
-from sim.running.arm_place import arm_standing, check_base
+from sim.running.arm_place import arm_standing, check_base, check_padding
 from sim.running.case import MM, AnatomyConfig, CaseConfig, scenario_changes
 from sim.running.config import EpisodeConfig
 from sim.running.settings import in_fields
@@ -85,6 +85,9 @@ class Options:
     standoff_mm: float = 40.0
     """Distance above each pose from which the probe approaches it [mm], where the arm has to be free too; with 0 only
     the poses are solved."""
+    padding_mm: float = 0.0
+    """Room that arm and probe keep from the table, and the arm from itself and beyond its 3 mm from the organ [mm]:
+    at most 30. With it, distances are true ones, which takes longer."""
     restarts: int = 40
     """Number of starts after the first before a pose is called unreachable, from 0 to 119."""
     seed: int = 0
@@ -108,6 +111,7 @@ class Options:
             raise FieldError("tilt_deg", self.tilt_deg, "must be from 0 to 80 degrees.")
         if not 0.0 <= self.standoff_mm <= 500.0:
             raise FieldError("standoff_mm", self.standoff_mm, "must be from 0 to 500 mm.")
+        check_padding(self.padding_mm)
         if not 0 <= self.restarts <= 119:
             raise FieldError("restarts", self.restarts, "must be from 0 to 119.")
         if not 1 <= self.jobs <= 64:
@@ -177,6 +181,7 @@ class Options:
         return StudySettings(
             max_tilt_rad=math.radians(self.tilt_deg),
             standoff_m=self.standoff_mm * MM,
+            padding_m=self.padding_mm * MM,
             max_restarts=self.restarts,
             seed=self.seed,
             n_jobs=self.jobs,

@@ -13,7 +13,7 @@ from mapping.storage import replacing
 from sim.campaign.engines.local import LocalEngine
 from sim.campaign.study import Trial
 from sim.campaign.trial_result import TrialResult
-from sim.errors import FieldError
+from sim.errors import FieldError, UsageError
 from sim.record.ownership import refuse_strangers
 from sim.running.config import ALWAYS
 from sim.running.fields import changed, config_of
@@ -22,6 +22,7 @@ from sim.tables import write_csv
 from .comparison import Comparison, compare_groups
 from .figures import draw_curves, draw_precision, draw_reached, draw_sensings
 from .page import write_comparison_page
+from .runs import are_runs, write_runs
 from .tables import flat_rows, markdown
 from .trial_groups import load_groups, notes_on
 
@@ -53,10 +54,10 @@ def compare(
     view_seed: int | None = None,
     jobs: int = 2,
 ) -> CompareSummary:
-    """Compare campaigns and write compare.md, compare.csv, report.html and figures.
+    """Compare campaigns and write compare.md, compare.csv, report.html and figures; or show runs on one page.
 
     Args:
-        folders: One or more folders that `run_trials` or `sounding trials` wrote.
+        folders: One or more folders that `run_trials` or `sounding trials` wrote, or two to four folders of runs.
         out: Folder to write to; by default `compare` in the first of them, with the names of the others behind it.
         seeds: Seeds to look at; None for all.
         reference: Contender with which all others are paired; None for all pairs.
@@ -67,6 +68,12 @@ def compare(
         UsageError: A folder holds no campaign, a reference is unknown, or the output cannot be written.
     """
     campaigns = [Path(folder) for folder in folders]
+    if are_runs(campaigns):
+        for name, value in (("seeds", seeds), ("reference", reference), ("view_seed", view_seed)):
+            if value is not None:
+                raise UsageError(f"`{name}` goes only with campaigns, and {campaigns[0]} holds a single run.")
+        folder = _own_folder(campaigns, out)
+        return CompareSummary(write_runs(campaigns, folder), folder, ())
     groups = load_groups(campaigns, seeds=seeds)
     contenders = list(dict.fromkeys(group.contender for group in groups))
     if reference is not None and reference not in contenders:
@@ -74,10 +81,7 @@ def compare(
     comparison = compare_groups(groups, reference=reference)
     notes = notes_on(campaigns)
     text = markdown(comparison, notes)
-    folder = _default_folder(campaigns) if out is None else Path(out)
-    if not (folder / "compare.csv").is_file():
-        refuse_strangers(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = _own_folder(campaigns, out)
     with replacing(folder / "compare.md") as file:
         file.write(text.encode(errors="surrogateescape"))
     write_csv(folder / "compare.csv", flat_rows(comparison))
@@ -92,6 +96,15 @@ def compare(
         figures += draw_views(views, comparison, view_seed, jobs)
     write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views)
     return CompareSummary(text, folder, tuple(figures))
+
+
+def _own_folder(campaigns: Sequence[Path], out: Path | str | None) -> Path:
+    """The folder to write to, made where it is not there."""
+    folder = _default_folder(campaigns) if out is None else Path(out)
+    if not (folder / "compare.csv").is_file():
+        refuse_strangers(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 def _default_folder(campaigns: Sequence[Path]) -> Path:

@@ -77,7 +77,7 @@ def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None)
     Raises:
         UsageError: A folder holds no campaign, or no trial is done yet.
     """
-    names = _names(folders)
+    names = shortest_names(folders)
     held = [(name, _entries(folder)) for folder, name in names.items()]
     entries = [(name, e) for name, es in held for e in es if seeds is None or e["settings"]["seed"] in seeds]
     if not entries:
@@ -104,7 +104,7 @@ def notes_on(folders: Sequence[Path]) -> list[str]:
     return notes
 
 
-def _names(folders: Sequence[Path]) -> dict[Path, str]:
+def shortest_names(folders: Sequence[Path]) -> dict[Path, str]:
     """The folders, each once, with the shortest ends of their paths that tell them all apart."""
     places = {folder.resolve(): folder for folder in dict.fromkeys(folders)}
     n_parts = 1
@@ -115,7 +115,9 @@ def _names(folders: Sequence[Path]) -> dict[Path, str]:
 
 def _entries(folder: Path) -> list[Entry]:
     if read_study(folder) is None or not (folder / JOURNAL).exists():
-        raise UsageError(f"{folder}: holds no campaign. Name a folder that `sounding trials` wrote.")
+        raise UsageError(
+            f"{folder}: holds no campaign and no run. Name folders that `sounding trials` or `sounding episode` wrote."
+        )
     return list(read_entries(folder / JOURNAL))
 
 

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from sim.world.motion.arrival import Arrival
 from sim.world.motion.contact_surface import ContactSurface
 from sim.world.motion.curve import length, through
-from sim.world.motion.joint_limits import JointLimits, is_embedded
+from sim.world.motion.joint_limits import JointLimits, is_embedded, limits_notice
 from sim.world.motion.path_check import PathCheck
 from sim.world.motion.path_search import PathSearch
 from sim.world.motion.servo import ServoArm, ServoRun
@@ -255,22 +255,34 @@ def make_motion_model(
         settings: Speeds.
         servo: Stiffnesses and the force limit, which only `servo` needs.
     """
-    settings, positioner, model = settings or MotionSettings(), setup.positioner, setup.scene.model
+    settings, positioner = settings or MotionSettings(), setup.positioner
     if setup.arm is None or not isinstance(positioner, ArmPositioner):
         return JumpMotion(positioner, setup.scene.tip_site, None, settings)
+    motion_model = _of_arm(setup, positioner, kind, settings, servo or ServoSettings())
+    chain = positioner.search.chain
+    notice = limits_notice(setup.arm.path, chain.names, chain.is_slide, settings)
+    motion_model.notices = (notice,) if notice else ()
+    return motion_model
+
+
+def _of_arm(
+    setup: Setup, positioner: ArmPositioner, kind: MotionKind, settings: MotionSettings, servo: ServoSettings
+) -> MotionModel:
+    """The motion model of an arm."""
+    assert setup.arm is not None
+    model, search = setup.scene.model, positioner.search
+    chain, path = search.chain, setup.arm.path
+    hinges = [name for name, slides in zip(chain.names, chain.is_slide.tolist(), strict=True) if not slides]
     is_slide = model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)
     names = [model.joint(joint).name.removeprefix("arm_") for joint in range(model.njnt)]
-    limits = JointLimits.of_arm(setup.arm.path, is_slide, settings, names=names)
+    limits = JointLimits.of_arm(path, is_slide, settings, names=names, hinges=hinges)
     if kind == "none":
         return JumpMotion(positioner, setup.scene.tip_site, limits, settings)
-    search = positioner.search
-    paths = PathSearch(search, PathCheck(setup.scene, search.chain, search.meter, search.clearance))
-    chain = search.chain
-    timer = PathTimer(chain, JointLimits.of_arm(setup.arm.path, chain.is_slide, settings, names=chain.names))
+    paths = PathSearch(search, PathCheck(setup.scene, chain, search.meter, search.clearance))
+    timer = PathTimer(chain, JointLimits.of_arm(path, chain.is_slide, settings, names=chain.names))
     travel = Travel(positioner, limits, settings)
     if kind == "kinematic":
         return PathMotion(positioner, paths, timer, settings, travel)
-    servo = servo or ServoSettings()
-    organ, is_panda = ContactSurface(setup.organ), is_embedded(setup.arm.path)
-    arm = ServoArm(setup.scene, search.chain, organ, servo, is_panda=is_panda)
+    organ = ContactSurface(setup.organ)
+    arm = ServoArm(setup.scene, chain, organ, servo, is_panda=is_embedded(path))
     return ServoMotion(positioner, paths, timer, settings, travel, arm=arm, servo=servo)

@@ -1,12 +1,14 @@
 """Which way up an organ lies best: with the largest part of its inside in the cones of poses within the arm's reach.
 
 Every candidate is a turn of the organ on the table. All are ranked by what the cones of all poses on their upper
-surface see; the arm tries only the best of them, and anterior up, which is left only for what is clearly better.
+surface see; the arm tries only the best of them, and anterior up, which is left only for what is clearly better. Poses
+in a no-press zone count as little as those out of reach.
 """
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from scipy.spatial import KDTree
 from planner import Cone, Workspace, visible_points
 from sim.world.anatomy.anatomy import build_anatomy
 from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, turned
+from sim.world.anatomy.structures import Structure, is_pressable
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
 from sim.world.errors import MeshError
 from sim.world.ik.search import IkSearch
@@ -44,13 +47,37 @@ Turn = tuple[float, float, float]
 ANTERIOR_UP: Turn = (0.0, 0.0, 0.0)
 
 
-def best_turn_rad(organ: Solid, arm: ArmModel | None, cone: Cone) -> Turn:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Case:
+    """What all turns are tried on."""
+
+    organ: Solid
+    """In patient axes [m]."""
+    cone: Cone
+    points_m: NDArray[np.float64]
+    """Points in the organ by which the seen share is judged, patient axes [m], shape (M, 3)."""
+    structures: tuple[Structure, ...]
+    """Beside it, patient axes."""
+    keepout_m: float
+    """Positions closer than this to a structure to keep away from are not pressed [m]."""
+
+
+def best_turn_rad(
+    organ: Solid,
+    arm: ArmModel | None,
+    cone: Cone,
+    *,
+    structures: tuple[Structure, ...] = (),
+    keepout_m: float = 0.0,
+) -> Turn:
     """The turn from anterior up with which the cones of poses within reach see most; no turn where none is better.
 
     Args:
         organ: The organ in patient axes [m].
         arm: The arm that is to reach it; None for a free-flying probe, which reaches all that faces up.
         cone: What the probe sees.
+        structures: What lies beside the organ, patient axes; those to keep away from are not pressed near.
+        keepout_m: How near a pose may come to those [m].
 
     Returns:
         Angles about the world's x, y and z [rad].
@@ -59,15 +86,14 @@ def best_turn_rad(organ: Solid, arm: ArmModel | None, cone: Cone) -> Turn:
     others = [(float(x), float(y), 0.0) for x, y in itertools.product(steps_rad, steps_rad)]
     turns = _distinct([ANTERIOR_UP, *others])
     points_m = organ.sample_inside(N_POINTS, np.random.default_rng(0))
-    shares = np.array([_seen_share(organ, turn, None, cone, points_m) for turn in turns])
+    case = _Case(organ=organ, cone=cone, points_m=points_m, structures=structures, keepout_m=keepout_m)
+    shares = np.array([_seen_share(case, turn, None) for turn in turns])
     if arm is None:
         return _clearly_best(turns, shares)
     ranked = [turns[index] for index in np.argsort(-shares, kind="stable")[:N_TRIED]]
     tried = [ANTERIOR_UP, *(turn for turn in ranked if turn != ANTERIOR_UP)]
     candidates = [(x, y, yaw) for x, y, _ in tried for yaw in (0.0, np.pi)]
-    return _clearly_best(
-        candidates, np.array([_seen_share(organ, turn, arm, cone, points_m) for turn in candidates])
-    )
+    return _clearly_best(candidates, np.array([_seen_share(case, turn, arm) for turn in candidates]))
 
 
 def _clearly_best(turns: list[Turn], shares: NDArray[np.float64]) -> Turn:
@@ -88,29 +114,28 @@ def _distinct(turns: list[Turn]) -> list[Turn]:
     return kept
 
 
-def _seen_share(
-    organ: Solid, turn: Turn, arm: ArmModel | None, cone: Cone, points_m: NDArray[np.float64]
-) -> float:
-    """The share of points in an organ that the cones of poses within reach see where it lies so.
+def _seen_share(case: _Case, turn: Turn, arm: ArmModel | None) -> float:
+    """The share of a case's points that the cones of poses within reach see where its organ lies so.
 
     Args:
-        organ: The organ in patient axes [m].
+        case: The organ and what is beside it.
         turn: How it is turned.
         arm: The arm; None where all poses are reached.
-        cone: What the probe sees.
-        points_m: The points, patient axes [m], shape (M, 3).
     """
-    placed = lay_on_table(organ, R_world_organ=turned(turn))
+    placed = lay_on_table(case.organ, R_world_organ=turned(turn))
     try:
         surface = upper_surface_workspace(placed.organ, N_POSES, rng=np.random.default_rng(0))
     except MeshError:
         return 0.0
-    is_reached = np.ones(surface.n_poses, dtype=bool) if arm is None else _reached(placed, surface, arm, cone)
-    if not is_reached.any():
-        return 0.0
-    workspace = Workspace(surface.positions_m[is_reached], surface.normals[is_reached])
     T = placed.T_world_organ
-    return float(visible_points(workspace, cone, points_m @ T[:3, :3].T + T[:3, 3]).mean())
+    positions_organ_m = (surface.positions_m - T[:3, 3]) @ T[:3, :3]
+    counts = is_pressable(positions_organ_m, case.structures, case.keepout_m)
+    if arm is not None and counts.any():
+        counts &= _reached(placed, surface, arm, case.cone)
+    if not counts.any():
+        return 0.0
+    workspace = Workspace(surface.positions_m[counts], surface.normals[counts])
+    return float(visible_points(workspace, case.cone, case.points_m @ T[:3, :3].T + T[:3, 3]).mean())
 
 
 def _reached(placed: PlacedOrgan, surface: SensingSurface, arm: ArmModel, cone: Cone) -> NDArray[np.bool_]:

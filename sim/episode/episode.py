@@ -117,6 +117,11 @@ class Episode:
         self.ended_by: Ending | None = None
         self._confidence: dict[tuple[int, int], float] = {}
 
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What is to be known about the truth and about the motion, a sentence each."""
+        return (*self.truth.anatomy.notices, *self._motion_model.notices)
+
     def steps(
         self,
         n_steps: int,

@@ -119,6 +119,8 @@ class MotionModel(ABC):
 
     travel: Travel | None = None
     """Estimates how long ways take; None where there is no estimate."""
+    notices: tuple[str, ...] = ()
+    """What is to be known about the motion: with which limits an arm moves."""
 
     @abstractmethod
     def move(self, data: mujoco.MjData, pose: int) -> Motion:

@@ -241,7 +241,8 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
     turn_rad = scenario.organ_turn_rad
     if scenario.organ_placing == "best":
         cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-        turn_rad = best_turn_rad(organ, arm, cone)
+        keepout_m = scenario.keepout_distance_m
+        turn_rad = best_turn_rad(organ, arm, cone, structures=loaded.structures, keepout_m=keepout_m)
     return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
 
 

@@ -86,6 +86,9 @@ class Findings:
     false: tuple[FalseFinding, ...]
     target: Findings | None = None
     """What the map of a second class found, with its bodies in the tumours' place; None where none was mapped."""
+    visible_fraction: float | None = None
+    """Share of the organ that lies in some pose's cone, of which alone findings can tell; None for a run that was
+    killed."""
 
     @property
     def n_found(self) -> int:
@@ -111,7 +114,8 @@ def find(record: RunRecord) -> Findings:
     tumours = tuple(_tumour(record, i, pieces, is_seen) for i in range(len(record.anatomy.tumours)))
     false = sorted(_false_findings(record, pieces), key=lambda finding: -finding.volume_m3)
     numbered = (dataclasses.replace(finding, finding=i + 1) for i, finding in enumerate(false))
-    return Findings(probability, tumours, tuple(numbered), target)
+    visible_fraction = record.summary.get("visible_fraction")
+    return Findings(probability, tumours, tuple(numbered), target, visible_fraction)
 
 
 def _tumour(

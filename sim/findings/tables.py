@@ -56,7 +56,12 @@ def false_row(finding: FalseFinding | None) -> dict[str, Any]:
 
 def finding_summary(findings: Findings) -> dict[str, Any]:
     """All findings and their numbers, as findings.json holds them."""
-    target = {} if findings.target is None else {"target": _of_target(finding_summary(findings.target))}
+    target = {} if findings.target is None else {"target": _of_target(_class_summary(findings.target))}
+    return {"visible_fraction": findings.visible_fraction, **_class_summary(findings), **target}
+
+
+def _class_summary(findings: Findings) -> dict[str, Any]:
+    """The findings of one class and their numbers."""
     return {
         "called_from_probability": findings.probability,
         "n_tumours": len(findings.tumours),
@@ -64,7 +69,6 @@ def finding_summary(findings: Findings) -> dict[str, Any]:
         "n_false_findings": len(findings.false),
         "tumours": [tumour_row(finding) for finding in findings.tumours],
         "false_findings": [false_row(finding) for finding in findings.false],
-        **target,
     }
 
 

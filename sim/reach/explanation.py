@@ -30,7 +30,12 @@ class Explanation:
 
 
 def explain_pose(
-    workcell: Workcell, position_m: ArrayLike, normal: ArrayLike, *, standoff_m: float
+    workcell: Workcell,
+    position_m: ArrayLike,
+    normal: ArrayLike,
+    *,
+    standoff_m: float,
+    padding_m: float = 0.0,
 ) -> Explanation:
     """The answer to a pose, with everything that a person needs to understand it.
 
@@ -39,18 +44,19 @@ def explain_pose(
         position_m: Where the probe's tip is to touch, world frame [m], shape (3,).
         normal: Direction of the beam, into the organ, of any length but zero, shape (3,).
         standoff_m: The pose is approached from this far above it [m]; 0 solves for the pose only.
+        padding_m: Room that arm and probe keep [m], see `IkSettings.padding_m`.
     """
+    settings = IkSettings(standoff_m=standoff_m, padding_m=padding_m)
+    position_m, normal = np.asarray(position_m, dtype=np.float64), np.array(normal, dtype=np.float64)
     with threadpool_limits(limits=1):
-        return _explain(
-            workcell, np.asarray(position_m, dtype=np.float64), np.array(normal, dtype=np.float64), standoff_m
-        )
+        return _explain(workcell, position_m, normal, settings)
 
 
 def _explain(
-    workcell: Workcell, position_m: NDArray[np.float64], normal: NDArray[np.float64], standoff_m: float
+    workcell: Workcell, position_m: NDArray[np.float64], normal: NDArray[np.float64], settings: IkSettings
 ) -> Explanation:
     normal = normal / np.linalg.norm(normal)
-    search = workcell.make_search(IkSettings(standoff_m=standoff_m))
+    search = workcell.make_search(settings)
     answers = search.search(position_m[None], normal[None])
     result = answers.results[0]
     clearances = search.meter.measure(np.stack([result.q, result.q_standoff]))
@@ -65,7 +71,7 @@ def _explain(
     lines.append(f"beam error       {np.rad2deg(result.angle_error_rad):.3f} degrees")
     if result.is_reached:
         lines.append(f"clearance        {_clearance(workcell, clearances, 0)} at the pose")
-        if standoff_m > 0:
+        if settings.standoff_m > 0:
             lines.append(f"                 {_clearance(workcell, clearances, 1)} at the stand-off")
         lines.append(f"answers          {answers.n_solutions[0]} distinct among the first starts")
     lines.append(f"effort           {result.n_restarts + 1} starts, {result.n_iterations} steps")

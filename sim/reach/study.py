@@ -56,6 +56,8 @@ class StudySettings:
     """Starts after the first before a pose is called unreachable."""
     standoff_m: float = IkSettings.standoff_m
     """Each pose has to be reached from this far above it too [m]; 0 leaves that out."""
+    padding_m: float = 0.0
+    """Room that arm and probe keep from the table, and the arm from itself and beyond its 3 mm from the organ [m]."""
     seed: int = 0
     """Seed of the set of starts, and of the search for a base."""
     n_jobs: int = 2
@@ -113,7 +115,10 @@ def study_arm(
     start_s = perf_counter()
     search = workcell.make_search(
         IkSettings(
-            max_restarts=settings.max_restarts, start_seed=settings.seed, standoff_m=settings.standoff_m
+            max_restarts=settings.max_restarts,
+            start_seed=settings.seed,
+            standoff_m=settings.standoff_m,
+            padding_m=settings.padding_m,
         )
     )
     with RunFolder(out, overwrite=settings.overwrite) as folder:
@@ -164,6 +169,7 @@ def _summary(
         "seed": settings.seed,
         "jobs": settings.n_jobs,
         "standoff_m": settings.standoff_m,
+        "padding_m": settings.padding_m,
         "n_joints": search.chain.n_joints,
         **Stand.of_frame(workcell.scene.T_world_base).rounded().in_millimetres(),
         **study_summary(study),

@@ -19,9 +19,8 @@ from sim.record.run_record import RunRecord
 
 from .charts import curve_chart, progress_chart, reliability, reliability_chart
 from .finding_rows import finding_rows
+from .progress import progress
 
-ONE_OF_THREE, ONE_OF_FOUR = 104.0, 72.0
-"""Heights of a chart beside the view, where three or four charts share the height of the view."""
 STATUS = {
     "finished": "",
     "interrupted": "This run was interrupted: the report shows what was done until then.",
@@ -35,20 +34,20 @@ def chapters(record: RunRecord, findings: Findings) -> dict[str, Any]:
     told = account(record.summary, record.options, finding_summary(findings))
     return {
         "title": title(record),
-        "lede": _lede(record),
+        "lede": lede(record),
         "status": STATUS.get(str(record.manifest.get("status")), ""),
         "account": told,
         "notices": list(record.config.get("notices", ())),
-        "figures": _key_figures(record),
-        "progress": _progress(record),
-        "readings": _readings(record),
+        "figures": key_figures(record),
+        "progress": progress([record]),
+        "readings": readings(record),
         "quality": _quality(record),
-        "classes": _classes(record, findings),
+        "classes": classes(record, findings),
         "arm": _arm(record),
         "skipped": _skipped(record),
         "space": _space(record),
         "settings": _settings(record),
-        "command": shlex.join(["sounding", *map(str, record.manifest.get("command", []))]),
+        "command": command(record),
     }
 
 
@@ -57,7 +56,8 @@ def title(record: RunRecord) -> str:
     return f"{record.scenario['name']}, {record.options['planner']}"
 
 
-def _lede(record: RunRecord) -> str:
+def lede(record: RunRecord) -> str:
+    """How much was done with what, by which version and when."""
     n, arm = record.n_steps, record.options["arm"]
     positioner = "a free-flying probe" if arm == "none" else f"the {arm} arm"
     day = str(record.manifest.get("started", ""))[:10]
@@ -67,7 +67,12 @@ def _lede(record: RunRecord) -> str:
     return f"{n} {actions} with {positioner}, seed {record.options['seed']}. {version}, {day}."
 
 
-def _key_figures(record: RunRecord) -> list[tuple[str, str]]:
+def command(record: RunRecord) -> str:
+    """The command that made the run."""
+    return shlex.join(["sounding", *map(str, record.manifest.get("command", []))])
+
+
+def key_figures(record: RunRecord) -> list[tuple[str, str]]:
     """The names and values of what a reader wants to know first."""
     sensed, auprc = record.numbers("sensed_fraction"), record.numbers("auprc")
     reached = np.flatnonzero(sensed >= SENSED_GOAL)
@@ -88,7 +93,7 @@ def _key_figures(record: RunRecord) -> list[tuple[str, str]]:
     return figures
 
 
-def _classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:
+def classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:
     """The findings of the tumours, and of a second class where one was mapped."""
     classes = [finding_rows(findings)]
     if findings.target is not None and record.target is not None:
@@ -96,48 +101,7 @@ def _classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:
     return classes
 
 
-def _progress(record: RunRecord) -> list[dict[str, str]]:
-    """The curves that follow the slider; they are lower where a second class adds one."""
-    target = record.target
-    height = ONE_OF_THREE if target is None else ONE_OF_FOUR
-    charts = [
-        ("sensed", "Tumour sensed", "share of the tumours’ volume that lay in some cone",
-         progress_chart("sensed", record.numbers("sensed_fraction"), colour="truth", y_top=1.0, is_percent=True,
-                        target=SENSED_GOAL, height=height,
-                        label="Share of the tumours sensed over the sensing actions")),
-        ("auprc", "AUPRC of the map", "area under the precision-recall curve",
-         progress_chart("auprc", record.numbers("auprc"), colour="map", y_top=1.0, digits=3, height=height,
-                        label="AUPRC of the map over the sensing actions")),
-        _goes_by(record, height),
-    ]  # fmt: skip
-    if target is not None:
-        title = f"AUPRC of the map of {target.anatomy.name}"
-        svg = progress_chart("target", target.numbers("auprc"), colour="second-map", y_top=1.0, digits=3,
-                             height=height, label=f"{title} over the sensing actions")  # fmt: skip
-        charts.insert(2, ("target", title, "area under its precision-recall curve", svg))
-    return [{"name": n, "title": t, "note": note, "svg": svg} for n, t, note, svg in charts if svg]
-
-
-def _goes_by(record: RunRecord, height: float) -> tuple[str, str, str, str]:
-    """The curve of what the planner goes by: its confidence, or the expected improvement where it has none."""
-    confidence = record.numbers("confidence")
-    if np.isfinite(confidence).any():
-        goal = record.options.get("until_confident")
-        asked = "" if goal is None else f"; it may stop at {float(goal):.0%}"
-        svg = progress_chart("confidence", confidence, colour="probe", y_top=1.0, is_percent=True, target=goal,
-                             height=height, label="Confidence of the planner after each sensing action")  # fmt: skip
-        return "confidence", "Planner’s confidence", f"that nothing is left to find or outline{asked}", svg
-    svg = progress_chart("improvement", record.numbers("expected_improvement"), colour="probe", height=height,
-                         label="Highest expected improvement after each sensing action")  # fmt: skip
-    return (
-        "improvement",
-        "Expected improvement",
-        "the highest that any point still promises (latent’s unit)",
-        svg,
-    )
-
-
-def _readings(record: RunRecord) -> list[dict[str, str]]:
+def readings(record: RunRecord) -> list[dict[str, str]]:
     """What stands beside the slider at each action; the first item is for the time before any action."""
     told: list[dict[str, str]] = [{}]
     name = "" if record.target is None else record.target.anatomy.name
@@ -204,7 +168,7 @@ def _arm(record: RunRecord) -> dict[str, Any] | None:
         "rows": [(t, _brief(np.nanmedian(v)), _brief(np.nanmax(v))) for t, v, _ in kept],
         "charts": [
             {"name": name, "title": t,
-             "svg": progress_chart(name, values, colour="ink", label=t, digits=4, has_dots=True)}
+             "svg": progress_chart(name, [values], colours=["ink"], label=t, digits=4, has_dots=True)}
             for t, values, name in kept
         ],
     }  # fmt: skip

@@ -52,15 +52,16 @@ class Plot:
 
 
 def progress_chart(
-    name: str, values: Numbers, *, colour: str, label: str, digits: int = 2, target: float | None = None,
-    y_top: float | None = None, is_percent: bool = False, has_dots: bool = False, height: float = 150.0,
+    name: str, curves: Sequence[Numbers], *, colours: Sequence[str], label: str, digits: int = 2,
+    target: float | None = None, y_top: float | None = None, is_percent: bool = False, has_dots: bool = False,
+    height: float = 150.0,
 ) -> str:  # fmt: skip
-    """A curve over the sensing actions, from 1 on, with what a slider needs to follow it.
+    """One curve or more over the sensing actions, from 1 on, with what a slider needs to follow them.
 
     Args:
         name: The name by which the page knows the chart.
-        values: One value per action, shape (T,); NaN where there is none.
-        colour: Class of its colour: truth, map, probe or ink.
+        curves: One value per action for each curve, shapes (T,); NaN where there is none.
+        colours: Class of the colour of each: truth, map, probe, ink, or c0 to c6.
         label: What is drawn, for those who cannot see it.
         digits: Decimals of the values as text.
         target: A value to mark.
@@ -69,33 +70,38 @@ def progress_chart(
         has_dots: Whether dots without a line are drawn, where an action has nothing to do with the one before.
         height: Height of the chart, whose width is 380.
     """
-    finite = values[np.isfinite(values)]
+    finite = np.concatenate([values[np.isfinite(values)] for values in curves])
     if not finite.size:
         return ""
-    plot, ticks = _plane(len(values), finite, y_top)
+    n_actions = max(map(len, curves))
+    plot, ticks = _plane(n_actions, finite, y_top)
     plot = replace(plot, height=height)
-    texts = [_text(value, digits, is_percent) for value in values]
-    points = [[round(plot.x(i + 1), 1), round(plot.y(v), 1)] if np.isfinite(v) else None
-              for i, v in enumerate(values)]  # fmt: skip
-    drawn = [f"{x},{y}" for x, y in (point for point in points if point)]
-    body = [y_axis(plot, ticks, is_percent), x_axis(plot, count_ticks(len(values)))]
+    body = [y_axis(plot, ticks, is_percent), x_axis(plot, count_ticks(n_actions))]
     if target is not None:
         y = plot.y(target)
         body.append(
             f'<line class="target" x1="{plot.left}" x2="{plot.width - plot.right}" y1="{y:.1f}" y2="{y:.1f}"/>'
         )
-    if not has_dots:
-        body.append(f'<polyline class="line {colour}" points="{" ".join(drawn)}"/>')
-    if has_dots or len(drawn) <= 60:
+    followed, marks = [], [f'<line class="cursor" y1="{plot.top}" y2="{plot.height - plot.bottom}"/>']
+    for values, colour in zip(curves, colours, strict=True):
+        points = [[round(plot.x(i + 1), 1), round(plot.y(v), 1)] if np.isfinite(v) else None
+                  for i, v in enumerate(values)]  # fmt: skip
+        body += _drawn([point for point in points if point], colour, has_dots=has_dots)
+        marks.append(f'<circle class="now {colour}" r="4.5"/>')
+        followed.append({"points": points, "texts": [_text(value, digits, is_percent) for value in values]})
+    data = escape(json.dumps(followed, separators=(",", ":")), quote=True)
+    return svg_text(plot, label, [*body, *marks], f'data-chart="{name}" data-follow="{data}"')
+
+
+def _drawn(points: Sequence[Sequence[float]], colour: str, *, has_dots: bool) -> list[str]:
+    """A line through the points, dots at them where they are few, or dots alone."""
+    if has_dots or len(points) <= 60:
         radius = 2.2 if has_dots else 1.8
-        body += [f'<circle class="dot {colour}" cx="{p.split(",")[0]}" cy="{p.split(",")[1]}" r="{radius}"/>'
-                 for p in drawn]  # fmt: skip
-    body.append(
-        f'<line class="cursor" y1="{plot.top}" y2="{plot.height - plot.bottom}"/>'
-        f'<circle class="now {colour}" r="4.5"/>'
-    )
-    data = escape(json.dumps({"points": points, "texts": texts}, separators=(",", ":")), quote=True)
-    return svg_text(plot, label, body, f'data-chart="{name}" data-follow="{data}"')
+        dots = [f'<circle class="dot {colour}" cx="{x}" cy="{y}" r="{radius}"/>' for x, y in points]
+    else:
+        dots = []
+    line = f'<polyline class="line {colour}" points="{" ".join(f"{x},{y}" for x, y in points)}"/>'
+    return dots if has_dots else [line, *dots]
 
 
 def curve_chart(

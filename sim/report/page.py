@@ -56,8 +56,9 @@ def page(record: RunRecord, findings: Findings) -> str:
     data = {"view": view, "n_steps": record.n_steps, "frames": sorted(frames)}
     shown = chapters(record, findings)
     return environment().get_template("run.html.j2").render(
-        **shown, has_slices=view["map"] is not None, slices_frame=_slices_frame(record), data=_json(data),
-        readings_json=_json(shown["readings"]), packed=packed, frames=frames, scripts=scripts(),
+        **shown, n_actions=record.n_steps, has_slices=view["map"] is not None, slices_frame=_slices_frame(record),
+        data=json_text(data),
+        readings_json=json_text(shown["readings"]), packed=packed, frames=frames, scripts=scripts(),
     )  # fmt: skip
 
 
@@ -90,6 +91,6 @@ def _script_bytes() -> int:
     return sum(len(script.encode()) for script in scripts())
 
 
-def _json(data: Any) -> str:
+def json_text(data: Any) -> str:
     """JSON that may stand in a script element."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")

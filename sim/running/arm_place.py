@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MAX_POSITION_MM = 10_000.0
 """A position that is farther than this from the world's origin is a mistake of unit."""
+MAX_PADDING_MM = 30.0
+"""The distance to the organ is known this far around it and farther."""
 METRES_MM = 3.0
 """A position whose numbers are all below this was likely given in metres."""
 
@@ -59,6 +61,16 @@ def check_base(base_mm: tuple[float, float, float], base_yaw_deg: float) -> None
         raise FieldError("base_mm", shown, f"is below {METRES_MM:g} mm; was it given in metres?")
     if not math.isfinite(base_yaw_deg) or abs(base_yaw_deg) > 360.0:
         raise FieldError("base_yaw_deg", f"{base_yaw_deg:g}", "must be from -360 to 360 degrees.")
+
+
+def check_padding(padding_mm: float) -> None:
+    """Check that the arm can keep a padding.
+
+    Raises:
+        FieldError: It is out of range.
+    """
+    if not 0.0 <= padding_mm <= MAX_PADDING_MM:
+        raise FieldError("padding_mm", f"{padding_mm:g}", f"must be from 0 to {MAX_PADDING_MM:g} mm.")
 
 
 def arm_fields(arm: ArmModel | str) -> dict[str, Any]:

@@ -136,11 +136,11 @@ class MovingConfig:
     servos, with the probe pressing on a compliant organ), or none (the probe jumps, which is cheapest, and its time is
     estimated)."""
     joint_speed: float | None = None
-    """Speed limit of every joint [rad/s, or m/s of a slide]; by default those published for the default arm, and 1.0
-    for any other."""
+    """Speed limit of every joint [rad/s, or m/s of a slide]; by default those that a URDF states or the maker of the
+    arm publishes, where it is known, and otherwise 1.0."""
     joint_acceleration: float | None = None
-    """Acceleration limit of every joint [rad/s^2, or m/s^2 of a slide]; by default those published for the default arm,
-    and 4.0 for any other."""
+    """Acceleration limit of every joint [rad/s^2, or m/s^2 of a slide]; by default those that the maker of the arm
+    publishes, where it is known and does, and otherwise 4.0."""
     tip_speed_mm_s: float = 250.0
     """Speed limit of the probe's tip between poses [mm/s]."""
     approach_speed_mm_s: float = 50.0
@@ -191,8 +191,8 @@ class EpisodeConfig:
     until_sensed: float | None = None
     """Stop as soon as this share of the tumours was sensed, for example 0.95."""
     until_confident: float | None = None
-    """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95. What
-    lies in no pose's cone is left out of that; the results tell how much it is."""
+    """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95.
+    Planners that tell no confidence refuse it. What lies in no pose's cone is left out; the results tell how much."""
     seed: int = 0
     """Seed of everything random. Planners that are given one seed face the same tumours."""
     arm: str = "default"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mapping import DetailSettings, MapSettings, TumourMapFactory, make_hilbert_map
-from planner import Planner, PlannerError, make_planner, planner_names
+from planner import Planner, PlannerError, confident_planner_names, make_planner, planner_class, planner_names
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
@@ -89,6 +89,7 @@ def make_parts(
                 f"`{name}`: {thing.__name__} is a class. Give an object of it, {thing.__name__}()."
             )
     planner = planner or planner_of(config)
+    _check_confidence(config, planner)
     settings = map_settings_of(config, planner)
     return EpisodeParts(
         scenario=scenario_of(config, scenario),
@@ -120,7 +121,9 @@ def check_config(config: EpisodeConfig) -> None:
     motion_settings_of(config)
     servo_settings_of(config)
     if config.planner in planner_names():
-        map_settings_of(config, planner_of(config))
+        planner = planner_of(config)
+        _check_confidence(config, planner)
+        map_settings_of(config, planner)
 
 
 def scenario_of(config: EpisodeConfig, scenario: Scenario | None = None) -> Scenario:
@@ -192,6 +195,20 @@ def _named_planner(config: EpisodeConfig) -> Planner:
             exclude_sensed=not ei.ei_reuse_poses,
         )
     return make_planner(config.planner, **parse_plug_options(config.planning.planner_option))
+
+
+def _check_confidence(config: EpisodeConfig, planner: Planner) -> None:
+    """Refuse a confidence to stop at where the planner never tells one, since the run would never stop by it."""
+    if config.until_confident is None or planner.tells_confidence:
+        return
+    names = (each for each in planner_names() if planner_class(each) is type(planner))
+    name = next(names, type(planner).__name__)
+    raise FieldError(
+        "until_confident",
+        config.until_confident,
+        f"the planner {name} does not tell how sure it is. {', '.join(confident_planner_names())} does, and one of "
+        "your own that defines confidence.",
+    )
 
 
 def sensor_of(config: EpisodeConfig) -> Sensor:

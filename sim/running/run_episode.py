@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from planner import Planner
 from sim.episode.arm_motion import make_motion_model
-from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.motion import ProcedureStoppedError
 from sim.episode.setup import Setup, build_setup
@@ -165,7 +164,7 @@ def record_episode(
         if output.frames != "none":
             renderer = stack.enter_context(frame_renderer(episode))
         folder = stack.enter_context(RunFolder(output.folder, overwrite=output.overwrite))
-        notices = list(dict.fromkeys((*setup.notices, *episode.truth.anatomy.notices)))
+        notices = list(dict.fromkeys((*setup.notices, *episode.notices)))
         config = run_config(parts, setup, output.options, output.cannot_repeat) | {"notices": notices}
         folder.begin(config, {"seed": parts.seed})
         write_anatomy(folder, episode.truth.anatomy)
@@ -259,7 +258,6 @@ class _EpisodeRun:
         self._frames.close()
         summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
         summary |= {
-            "visible_fraction": float(seeable_points(episode.setup, episode.skipped).mean()),
             "folder": str(folder.path),
             "status": self._status,
             "ended_by": episode.ended_by,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mapping import MapMetrics
+from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
 from sim.episode.step import Step
@@ -73,6 +74,7 @@ def episode_summary(
         "sensings_to_95": totals.sensings_to_95,
         "sensed_fraction": None if last is None else last.sensed_fraction,
         "attainable_fraction": episode.truth.attainable_fraction,
+        "visible_fraction": float(seeable_points(episode.setup, episode.skipped).mean()),
         **({} if metrics is None else dataclasses.asdict(metrics)),
         "n_points_per_tumour": [
             int((tumour_of == i).sum()) for i in range(len(episode.truth.anatomy.tumours))

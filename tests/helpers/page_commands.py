@@ -29,7 +29,7 @@ SHORTER = (
 """Everything in which a command that is run differs from the page: pattern, replacement."""
 SKIPPED = (
     (r"\bpip ", "downloads packages: needs the network"),
-    (r"^dask |--address", "needs a cluster"),
+    (r"\bdask (scheduler|worker)|--address", "needs a cluster"),
     (r"\bview (?!.*--rerun)", "opens a window: needs a display"),
 )
 """Commands that are not run: pattern, reason."""

@@ -2,13 +2,25 @@
 
 import pytest
 
-from planner import Planner, PlannerError, make_planner, planner_class, planner_names
+from planner import (
+    Planner,
+    PlannerError,
+    confident_planner_names,
+    make_planner,
+    planner_class,
+    planner_names,
+)
 
 
 def test_a_planner_by_name_is_made_from_the_class_of_that_name():
     for name in planner_names():
         assert type(make_planner(name)) is planner_class(name)
         assert issubclass(planner_class(name), Planner)
+
+
+def test_the_planners_that_tell_how_sure_they_are_are_known_by_name():
+    told = {name for name in planner_names() if make_planner(name).tells_confidence}
+    assert set(confident_planner_names()) == told == {"find-and-outline"}
 
 
 @pytest.mark.parametrize("look_up", [planner_class, make_planner])

@@ -2,8 +2,9 @@
 // The three-dimensional view, in the world frame: metres, z up. It draws when something changed, never by itself.
 const PAST_STEM_M = 0.014, AXIS_M = 0.06;
 
-const makeView = (data, array, histories, onPick) => {
-  const canvas = document.getElementById("canvas"), holder = document.getElementById("view");
+// part(name) is an element of the run; onPick(step) is called for a click on a pose, and onLook for a move of the camera.
+const makeView = (data, array, histories, { part, onPick, onLook }) => {
+  const canvas = part("canvas"), holder = part("view");
   const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
   // A look for errors would wait for the compiler.
   renderer.debug.checkShaderErrors = false;
@@ -213,7 +214,7 @@ const makeView = (data, array, histories, onPick) => {
 
   // Frames and the table.
   const frames = layer(), table = layer(), labels = [];
-  const holderOfLabels = document.getElementById("labels");
+  const holderOfLabels = part("labels");
   const label = (text, at, group, soft, of, ends) => {
     const element = document.createElement("span");
     element.textContent = text;
@@ -265,7 +266,7 @@ const makeView = (data, array, histories, onPick) => {
   const grid = lines(gridPoints, "ink", 0.1);
   grid.material.depthWrite = false;
   table.add(grid);
-  document.getElementById("scale").textContent = "Grid on the table: 50 mm";
+  part("scale").textContent = "Grid on the table: 50 mm";
 
   // Camera.
   const look = (target, direction, distance) => {
@@ -323,7 +324,10 @@ const makeView = (data, array, histories, onPick) => {
     for (const { element, at, group, of, ends } of labels) {
       const isShown = group.visible && element.textContent && isInView(of) && (!ends || ends.some(end => isLong(of, end))) && isInView(at);
       element.style.display = isShown ? "" : "none";
-      if (isShown) element.style.transform = `translate(${((spot.x + 1) / 2 * width).toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
+      if (!isShown) continue;
+      // No label is cut off at the edge.
+      const half = element.offsetWidth / 2 + 4, across = Math.min(Math.max((spot.x + 1) / 2 * width, half), width - half);
+      element.style.transform = `translate(${across.toFixed(1)}px, ${((1 - spot.y) / 2 * height).toFixed(1)}px) translate(-50%, -50%)`;
     }
   };
   const state = { step: 0, mapTriangles: 0, targetTriangles: 0, tip: null, isMoving: false };
@@ -372,7 +376,19 @@ const makeView = (data, array, histories, onPick) => {
     good.isKnown = true;
   };
   state.isBlocked = () => isBlocked(camera.position);
-  controls.addEventListener("change", () => { keepOut(false); request(); });
+  controls.addEventListener("change", () => {
+    keepOut(false);
+    request();
+    if (isReady) onLook({ position: camera.position.clone().sub(middle), target: controls.target.clone().sub(middle) });
+  });
+  // What another view of an organ looks at, from the same side.
+  const lookAs = ({ position, target }) => {
+    camera.position.copy(position).add(middle);
+    controls.target.copy(target).add(middle);
+    camera.lookAt(controls.target);
+    keepOut(true);
+    request();
+  };
   new ResizeObserver(resize).observe(holder);
 
   const applyTheme = () => {
@@ -467,7 +483,7 @@ const makeView = (data, array, histories, onPick) => {
     && !(name === "target-truth" && !data.target) && !(name === "target-map" && !(data.target && data.target.map)));
   way.visible = false;
   return {
-    setStep, presets, layers, request, state, zoom: distance => look(controls.target, camera.position.clone().sub(controls.target), distance), renderNow: () => { isReady = true; draw(); },
+    setStep, presets, layers, request, state, lookAs, zoom: distance => look(controls.target, camera.position.clone().sub(controls.target), distance), renderNow: () => { isReady = true; draw(); },
     setLevel: probability => { level = Math.log(probability / (1 - probability)); drawMap(); },
   };
 };

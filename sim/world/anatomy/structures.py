@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.world.solids.solid import Solid
-from sim.world.solids.surface_distance import SurfaceDistance
+from sim.world.solids.surface_distance import surface_distance_of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,7 +39,7 @@ class Structure:
             Shape (N,), within 0.1 mm.
         """
         points = np.asarray(points_m, dtype=np.float64)
-        distance_m = SurfaceDistance(self.solid).distance_m(points)
+        distance_m = surface_distance_of(self.solid).distance_m(points)
         return np.where(self.solid.contains(points), 0.0, distance_m)
 
 

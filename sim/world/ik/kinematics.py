@@ -107,6 +107,10 @@ class Kinematics:
         for part in (contact, lifted):
             if not part.is_reached or self.collision(part.q) is not None:
                 return None
+        if self.settings.padding_m > 0.0:
+            ends = np.stack([contact.q, lifted.q])
+            if not self.search.meter.measure(ends).is_free.all():
+                return None
         return replace(contact, q_standoff=lifted.q, n_iterations=n_iterations, n_restarts=found.n_restarts)
 
     def errors(

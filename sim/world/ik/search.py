@@ -71,9 +71,9 @@ class IkSearch:
         """Read the arm's chain and draw the set of starts."""
         self.settings = settings or IkSettings()
         self.chain = Chain(scene)
-        self.meter = ClearanceMeter(scene, clearance)
+        self.meter = ClearanceMeter(scene, clearance).with_padding(self.settings.padding_m)
         self.clearance = clearance
-        self.starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        self.starts = self._new_starts()
         self._hub = self.chain.axis_hub()
         self._reach = self.chain.hub_reach()
 
@@ -81,6 +81,8 @@ class IkSearch:
         """The same search with other tolerances or effort; the starts stay those of this one."""
         other = copy.copy(self)
         other.settings = settings
+        if settings.padding_m != self.settings.padding_m:
+            other.meter = self.meter.with_padding(settings.padding_m)
         return other
 
     def with_effort(self, *, max_restarts: int) -> IkSearch:
@@ -103,11 +105,36 @@ class IkSearch:
     def with_new_starts(self) -> IkSearch:
         """The same search with starts drawn afresh, free of contacts where the base stands now."""
         other = copy.copy(self)
-        other.starts = StartSet(self.chain, self.meter, seed=self.settings.start_seed)
+        other.starts = other._new_starts()
         return other
 
+    def _new_starts(self) -> StartSet:
+        """Starts free of contacts; padding does not change them, so that more of it never reaches more."""
+        return StartSet(self.chain, self.meter.with_padding(0.0), seed=self.settings.start_seed)
+
     def search(self, positions_m: Array, normals: Array) -> Answers:
-        """Answers to poses: positions [m] and inward unit normals, shape (N, 3) each."""
+        """Answers to poses: positions [m] and inward unit normals, shape (N, 3) each.
+
+        What is not reached without padding is not reached with it, and keeps its reason. More padding never reaches
+        more poses: for all others the same starts are tried, and each keeps less than with less padding.
+        """
+        if self.settings.padding_m > 0.0:
+            return self._padded(positions_m, normals)
+        return self._searched(positions_m, normals)
+
+    def _padded(self, positions_m: Array, normals: Array) -> Answers:
+        """The answers with padding, which are looked for where there are any without."""
+        plain = self.with_settings(replace(self.settings, padding_m=0.0)).search(positions_m, normals)
+        rows = np.flatnonzero(plain.is_reached)
+        padded = self._searched(positions_m[rows], normals[rows])
+        results = list(plain.results)
+        clearance_m, n_solutions = plain.clearance_m.copy(), plain.n_solutions.copy()
+        for row, result in zip(rows.tolist(), padded.results, strict=True):
+            results[row] = result
+        clearance_m[rows], n_solutions[rows] = padded.clearance_m, padded.n_solutions
+        return Answers(results, clearance_m, n_solutions)
+
+    def _searched(self, positions_m: Array, normals: Array) -> Answers:
         return Answers.joined(
             [
                 self._search_chunk(positions_m[first : first + CHUNK], normals[first : first + CHUNK])
@@ -146,7 +173,9 @@ class IkSearch:
                 if result.is_reached:
                     clearance_m[row], n_solutions[row] = attempts.clearance_m[best], n_found[index]
                 else:
-                    stays_open[index] = last <= SURE_STARTS or result.status is not IkStatus.TOO_FAR
+                    is_sure = last > SURE_STARTS and result.status is IkStatus.TOO_FAR
+                    # Poses looked for with padding have an answer without, and are none of those.
+                    stays_open[index] = settings.padding_m > 0.0 or not is_sure
             rows = rows[stays_open]
             first, count = last, 2 * count
         return Answers([result for result in results if result is not None], clearance_m, n_solutions)

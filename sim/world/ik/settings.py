@@ -8,6 +8,8 @@ import numpy as np
 
 PROBE_LENGTH_M = 0.16
 """Length of the embedded probe, the lever with which a turn of the beam moves its far end."""
+MOST_PADDING_M = 0.03
+"""The distance to the organ is known this far around it and farther [m]; beyond, only bounds are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +35,10 @@ class IkSettings:
     standoff_m: float = 0.04
     """The probe comes from and goes back to this far above the surface, along the normal [m]; 0 leaves that out."""
 
+    padding_m: float = 0.0
+    """Room that arm and probe keep from the table and the arm from itself [m], and the arm from the organ beyond the
+    3 mm that it keeps anyway; at most `MOST_PADDING_M`."""
+
     def __post_init__(self) -> None:
         """Validate the ranges."""
         for name in ("position_tolerance_m", "angle_tolerance_rad", "max_step_rad"):
@@ -41,6 +47,8 @@ class IkSettings:
                 raise ValueError(f"{name}={value}: must be a positive, finite number.")
         if not (np.isfinite(self.standoff_m) and self.standoff_m >= 0):
             raise ValueError(f"standoff_m={self.standoff_m}: must be 0 or a positive, finite number.")
+        if not 0.0 <= self.padding_m <= MOST_PADDING_M:
+            raise ValueError(f"padding_m={self.padding_m}: must be from 0 to {MOST_PADDING_M} m.")
         if self.max_iterations < 1 or self.max_restarts < 0:
             raise ValueError(
                 f"max_iterations={self.max_iterations}, max_restarts={self.max_restarts}: at least 1 and 0."

@@ -97,9 +97,8 @@ class PathCheck:
         """Room of configurations of the chain, shape (N, n), the probe keeping a margin from the organ."""
         clearances = self._meter.measure(self._chain.full(q))
         probe_m, geom = self._probe_distances(q)
-        room_m = np.minimum(
-            np.minimum(clearances.contact_m, clearances.organ_m - ARM_MARGIN_M), probe_m - margin_m
-        )
+        arm_m = np.minimum(clearances.contact_m, clearances.organ_m - ARM_MARGIN_M) - clearances.padding_m
+        room_m = np.minimum(arm_m, probe_m - margin_m)
         return Room(room_m, clearances, probe_m, geom)
 
     def _hit(self, room: Room, index: int) -> Collision:

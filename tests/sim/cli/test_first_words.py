@@ -47,6 +47,10 @@ def test_help_begins_with_examples_that_are_understood(command, capsys, monkeypa
         (["trials", "--study", "papr"], "Did you mean paper\\?"),
         (["episode", "--scenario", "case/liver.nii.gz"], "organ's file and not a scenario.*--organ"),
         (["episode", "--scenario", "."], "is a folder"),
+        (
+            ["episode", "--planner", "random", "--until-confident", "0.9"],
+            "--until-confident 0.9: the planner random does not tell how sure it is\\. find-and-outline does",
+        ),
         (["episode", "--cone-depth-mm", "0"], "--cone-depth-mm 0.0: must be from 5 to 1000 mm\\."),
         (["episode", "--keepout-mm", "200"], "--keepout-mm 200.0: must be from 0 to 100 mm\\."),
         (["reach", "--keepout-mm", "200"], "--keepout-mm 200.0: must be from 0 to 100 mm\\."),
@@ -93,20 +97,3 @@ def test_a_typo_in_a_flag_tells_of_this_command_alone(capsys) -> None:
 def test_a_list_that_is_given_twice_is_refused_and_not_cut_short(capsys, words, said) -> None:
     assert main(words) == 2
     assert said in capsys.readouterr().err
-
-
-def test_a_planner_that_tells_no_confidence_ends_without_a_sentence_about_it(
-    no_figures, tmp_path, capsys
-) -> None:
-    words = ["episode", "--scenario", "sphere", "--arm", "none", "--planner", "random", "--steps", "1"]
-    options = [
-        "--until-confident",
-        "0.9",
-        "--map",
-        "when-needed",
-        "--no-report",
-        "--out",
-        str(tmp_path / "run"),
-    ]
-    assert main([*words, *options]) == 0
-    assert "confidence" not in capsys.readouterr().out

@@ -147,6 +147,7 @@ def test_what_no_cone_can_see_has_a_label_and_a_share(run, tmp_path):
     summary = json.loads((run / "summary.json").read_text())
     assert summary["visible_fraction"] == pytest.approx(1.0 - unseen.sum() / arrays.is_inside.sum())
     assert 0.5 < summary["visible_fraction"] < 1.0
+    assert json.loads((run / "findings.json").read_text())["visible_fraction"] == summary["visible_fraction"]
     # A folder of an older run says nothing of it, and its labels are LiTS's alone.
     old = tmp_path / "old"
     shutil.copytree(run, old)

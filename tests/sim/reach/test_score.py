@@ -1,5 +1,6 @@
 """Scores of reached poses, the stand-off of a study, and bases at the table's edge."""
 
+import csv
 import json
 
 import numpy as np
@@ -83,6 +84,17 @@ def test_a_stand_off_out_of_range_is_refused() -> None:
 
     with pytest.raises(FieldError, match="from 0 to 500 mm"):
         Options(standoff_mm=-1.0)
+
+
+def test_padding_is_kept_in_the_summary_and_refused_out_of_range(scenario, tmp_path, capsys) -> None:
+    out, words = tmp_path / "padded", ["--scenario", str(scenario), "--jobs", "1", "--padding-mm", "20"]
+    assert main(["reach", *words, "--out", str(out)]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["padding_m"] == pytest.approx(0.02)
+    clearances_m = [row["clearance_m"] for row in csv.DictReader((out / "reach.csv").open())]
+    assert min(float(each) for each in clearances_m if each) >= 0.02
+    assert main(["ik", "--position-mm", "500", "0", "150", "--padding-mm", "31"]) == 2
+    assert "--padding-mm 31: must be from 0 to 30 mm" in capsys.readouterr().err
 
 
 def test_a_base_across_the_tables_edge_is_told_from_one_on_it_or_beside_it(workcell) -> None:

@@ -195,15 +195,15 @@ def test_thinned_steps_keep_both_ends() -> None:
 
 
 def test_a_curve_carries_its_points_and_skips_what_is_undefined() -> None:
-    svg = progress_chart("auprc", np.array([0.1, np.nan, 0.9]), colour="map", y_top=1.0, label="x")
-    data = json.loads(Page(svg).elements[0][1]["data-follow"])
+    svg = progress_chart("auprc", [np.array([0.1, np.nan, 0.9])], colours=["map"], y_top=1.0, label="x")
+    (data,) = json.loads(Page(svg).elements[0][1]["data-follow"])
     assert data["texts"] == ["0.10", "–", "0.90"]
     assert data["points"][1] is None
     (x1, y1), (x3, y3) = data["points"][0], data["points"][2]
     assert x1 < x3
     assert y1 > y3  # down is less
-    assert progress_chart("auprc", np.array([np.nan]), colour="map", label="x") == ""
-    assert "10<tspan" in progress_chart("ei", np.array([1.0, 1e-4]), colour="probe", label="x")
+    assert progress_chart("auprc", [np.array([np.nan])], colours=["map"], label="x") == ""
+    assert "10<tspan" in progress_chart("ei", [np.array([1.0, 1e-4])], colours=["probe"], label="x")
 
 
 def test_reliability_is_the_share_in_each_bin() -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from mapping import Prediction
 from planner import Planner, RandomOrder
+from sim.campaign.study import make_study
 from sim.cli.command_line import main
 from sim.episode.scenario import SCENARIOS
 from sim.errors import FieldError, UsageError
@@ -179,3 +180,20 @@ def test_an_arm_may_be_an_object(tmp_path) -> None:
 
 def test_every_planner_of_ours_is_a_planner() -> None:
     assert isinstance(Weighted(), Planner)
+
+
+def test_a_confidence_to_stop_at_is_refused_where_the_planner_never_tells_one() -> None:
+    with pytest.raises(
+        FieldError, match="the planner greedy-coverage does not tell how sure it is. find-and-ou"
+    ):
+        check_config(config_of(planner="greedy-coverage", until_confident=0.9))
+    # What a script brings along is looked at too, whatever planner the options name.
+    for planner, name in ((RandomOrder(), "random"), (Weighted(), "Weighted")):
+        with pytest.raises(FieldError, match=f"until_confident=0.9: the planner {name} does not tell"):
+            make_parts(config_of(until_confident=0.9), planner=planner)
+    assert make_parts(config_of(until_confident=0.9)).until_confident == 0.9
+
+
+def test_a_study_whose_planner_tells_no_confidence_is_refused_before_it_runs() -> None:
+    with pytest.raises(FieldError, match="the planner random does not tell how sure it is"):
+        make_study(planner=["find-and-outline", "random"], until_confident=0.9, arm="none")

@@ -44,9 +44,9 @@ def _tumour(each: TumourFinding) -> dict[str, str]:
         "share": NONE if each.sensed_fraction is None else f"{each.sensed_fraction:.0%}",
         "mapped_from": _step(each.first_mapped_step),
         "true_ml": _ml(each.true_volume_m3),
-        "mapped_ml": NONE if overlap is None else _ml(overlap.mapped_volume_m3),
+        "mapped_ml": NONE if each.mapped_volume_m3 is None else _ml(each.mapped_volume_m3),
         "centroid_mm": NONE if overlap is None else _mm(overlap.centroid_error_m),
-        "dice": NONE if overlap is None else f"{overlap.dice:.2f}",
+        "dice": NONE if each.dice is None else f"{each.dice:.2f}",
         "mean_mm": _mm(each.surface_mean_m),
         "hausdorff_mm": _mm(each.surface_hausdorff95_m),
     }

@@ -26,6 +26,8 @@ BELOW = (0.5, 0.625, 0.75, 0.875)
 """Thresholds below the map's own, as shares of the way from its prior, in log-odds."""
 ABOVE = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0)
 """The map's own threshold and those above it [log-odds above its own]."""
+OWN = len(BELOW)
+"""The place of the map's own threshold among all."""
 
 
 @dataclass(frozen=True, eq=False)

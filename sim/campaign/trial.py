@@ -79,7 +79,7 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
     )
     for step in steps:
         totals.add(step)
-        witness.note(step.reading.T_world_probe)
+        witness.note()
     summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
     found_start_s = perf_counter()
     measures, findings = _findings(witness.evidence())

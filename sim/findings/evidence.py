@@ -17,15 +17,12 @@ from scipy.special import logit
 from mapping import Prediction
 from planner import Cone
 from sim.episode.episode import Episode
+from sim.episode.measures import FirstSteps, never, note_first
 from sim.episode.setup import Setup
-from sim.episode.truth import TargetTruth, Truth
+from sim.episode.target_belief import TargetBelief
 from sim.record.map_field import MapField, called_from
 from sim.record.run_record import RunRecord
 from sim.world.anatomy.anatomy import Anatomy
-
-Steps = NDArray[np.int64]
-"""The action, from 1, at which something first happened to each of some points; `NEVER` where it did not."""
-NEVER = int(np.iinfo(np.int64).max)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,11 +38,11 @@ class Evidence:
     """Which of them reachable poses can sense, shape (D,); None where an older run did not keep it."""
     n_steps: int
     """Actions that were done."""
-    first_seen: Steps
+    first_seen: FirstSteps
     """The action whose cone first held each detection point, shape (D,)."""
     field: MapField | None
     """The last map; None where none was kept."""
-    first_called: Steps
+    first_called: FirstSteps
     """The action after which the map first called each of its points in the organ tumour, shape (M,)."""
     prior_prevalence: float
     """Share of the organ that the map expected to be tumour before anything was sensed."""
@@ -92,69 +89,49 @@ class EpisodeWitness:
             episode: The episode.
             prior_prevalence: Share of the organ that its maps expect to be tumour before anything is sensed.
         """
-        self._episode, self._prior = episode, prior_prevalence
-        self._T_world_probe: list[NDArray[np.float64]] = []
+        self._episode, self._prior, self._n_steps = episode, prior_prevalence, 0
         n_points = len(episode.setup.search_points_m)
         self._first_called, self._first_target = never(n_points), never(n_points)
 
-    def note(self, T_world_probe: NDArray[np.float64]) -> None:
-        """Note the action that has just been done.
-
-        Args:
-            T_world_probe: Where the tip was, shape (4, 4).
-        """
-        self._T_world_probe.append(T_world_probe)
-        step, level, target = len(self._T_world_probe), called_from(self._prior), self._episode.target
+    def note(self) -> None:
+        """Note the action that has just been done."""
+        self._n_steps += 1
+        level, target = called_from(self._prior), self._episode.target
         if self._episode.prediction is not None:
-            note_first(self._first_called, step, as_kept(self._episode.prediction) > level)
+            note_first(self._first_called, self._n_steps, as_kept(self._episode.prediction) > level)
         if target is not None and target.prediction is not None:
-            note_first(self._first_target, step, as_kept(target.prediction) > level)
+            note_first(self._first_target, self._n_steps, as_kept(target.prediction) > level)
 
     def evidence(self) -> Evidence:
         """The evidence of all actions so far."""
         episode, target = self._episode, self._episode.target
-        of_target = None
-        if target is not None:
-            of_target = self._of_class(
-                target.truth, target.truth.is_target, target.prediction, self._first_target
-            )
-        own = self._of_class(episode.truth, episode.truth.is_tumour, episode.prediction, self._first_called)
-        return dataclasses.replace(own, target=of_target)
+        own = self._of_class(episode, episode.truth.is_tumour, self._first_called)
+        if target is None:
+            return own
+        return dataclasses.replace(
+            own, target=self._of_class(target, target.truth.is_target, self._first_target)
+        )
 
     def _of_class(
-        self,
-        truth: Truth | TargetTruth,
-        is_true: NDArray[np.bool_],
-        prediction: Prediction | None,
-        first_called: Steps,
+        self, known: Episode | TargetBelief, is_true: NDArray[np.bool_], first_called: FirstSteps
     ) -> Evidence:
-        setup, points_m = self._episode.setup, truth.anatomy.detection_points_m
+        truth, prediction = known.truth, known.prediction
         return Evidence(
             anatomy=truth.anatomy,
-            detection_points_m=points_m,
+            detection_points_m=truth.anatomy.detection_points_m,
             detection_tumours=truth.anatomy.detection_tumours,
             is_attainable=truth.is_attainable,
-            n_steps=len(self._T_world_probe),
-            first_seen=first_seen(setup.cone, points_m, self._T_world_probe),
-            field=None if prediction is None else _field(setup, prediction, is_true),
+            n_steps=self._n_steps,
+            first_seen=known.first_seen,
+            field=None if prediction is None else _field(self._episode.setup, prediction, is_true),
             first_called=first_called,
             prior_prevalence=self._prior,
         )
 
 
-def never(n_points: int) -> Steps:
-    """Points to which nothing has happened yet, shape (n_points,)."""
-    return np.full(n_points, NEVER, dtype=np.int64)
-
-
-def note_first(first: Steps, step: int, happens: NDArray[np.bool_]) -> None:
-    """Write an action to the points to which something happens for the first time."""
-    np.minimum(first, step, out=first, where=happens)
-
-
 def first_seen(
     cone: Cone, points_m: NDArray[np.float64], T_world_probe: Iterable[NDArray[np.float64]]
-) -> Steps:
+) -> FirstSteps:
     """The action whose cone first held each point, shape (D,).
 
     Args:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from sim.episode.measures import SENSED_GOAL
+from sim.episode.measures import NEVER, SENSED_GOAL, FirstSteps
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import closest_points_on_triangles
 
 from .components import Pieces, grid_around
-from .evidence import NEVER, Evidence, Steps
+from .evidence import Evidence
 from .mapped_surface import Overlap, overlap, surface_gap, surface_of
 
 
@@ -233,13 +233,13 @@ def _distance_to_tumours_m(evidence: Evidence, point_m: NDArray[np.float64]) -> 
     return float(np.linalg.norm(evidence.detection_points_m - point_m, axis=1).min())
 
 
-def _first(steps: Steps) -> int | None:
+def _first(steps: FirstSteps) -> int | None:
     """The first of the actions; None where there is none."""
     first = int(steps.min(initial=NEVER))
     return None if first == NEVER else first
 
 
-def _sensed_step(first_seen: Steps) -> int | None:
+def _sensed_step(first_seen: FirstSteps) -> int | None:
     """The action by which 95 % of some points had been seen; None where it never came to that."""
     shares = np.arange(1, len(first_seen) + 1) / len(first_seen) if len(first_seen) else np.empty(0)
     return _first(np.sort(first_seen)[shares >= SENSED_GOAL])

@@ -76,27 +76,16 @@ def draw_free_response(path: Path, comparison: Comparison, case: str) -> bool:
             label=score.contender,
         )
         own = response.found[response.own]
-        at = (response.false_per_run[response.own], own.share)
-        axes.errorbar(
-            *at,
-            yerr=_reach(own.share, own.interval),
-            xerr=_reach(at[0], score.false_per_run.interval),
-            fmt="o",
-            color=colour,
-            markersize=8,
-            capsize=3,
-            linewidth=1.2,
-        )
+        at = float(response.false_per_run[response.own])
+        if np.isfinite(own.interval[0]):
+            axes.plot([at, at], own.interval, color=colour, linewidth=1.2)
+        axes.plot(at, own.share, "o", color=colour, markersize=8)
     axes.set(xlabel="false findings a run", ylabel="share of lesions found", ylim=(0, 1.02))
     axes.legend(frameon=False, fontsize=9, loc="lower right")
-    set_title(axes, f"Free response over the map's threshold: {case} (large dots: its own)", size_pt=11.0)
+    set_title(
+        axes,
+        f"Free response over the map's threshold: {case} (large dots: its own)",
+        size_pt=11.0,
+    )
     save(figure, path)
     return True
-
-
-def _reach(middle: float, interval: tuple[float, float]) -> list[list[float]]:
-    """How far an interval reaches below and above its middle; nothing where there is none."""
-    low, high = (
-        max(end, 0.0) if np.isfinite(end) else 0.0 for end in (middle - interval[0], interval[1] - middle)
-    )
-    return [[low], [high]]

@@ -32,7 +32,7 @@ def lesion_part(comparison: Comparison, case: str, names: Sequence[str]) -> dict
     return {
         "note": lesion_note(comparison.groups_of(case)),
         "rule": LESION_NOTE,
-        "labels": [each.label for each in classes],
+        "labels": [each.sign for each in classes],
         "rows": [_row(score, classes, names) for score in scores],
         "charts": _charts(scores, names) if scores else [],
     }
@@ -80,6 +80,7 @@ def _mapped(score: LesionScore, names: Sequence[str]) -> Series:
     return Series(
         name=score.contender,
         index=names.index(score.contender),
+        is_step=True,
         x=score.actions.astype(np.float64),
         middle=np.array([share.share for share in score.mapped]),
         low=ends[:, 0],

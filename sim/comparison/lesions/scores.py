@@ -25,6 +25,8 @@ class DiameterClass:
     """Lesions of some diameters."""
 
     label: str
+    sign: str
+    """The label where there is little room."""
     low_m: float = 0.0
     """The least diameter."""
     high_m: float = math.inf
@@ -32,12 +34,12 @@ class DiameterClass:
 
 
 CLASSES = (
-    DiameterClass("all"),
-    DiameterClass("below 5 mm", 0.0, 0.005),
-    DiameterClass("5 to 10 mm", 0.005, 0.010),
-    DiameterClass("10 to 20 mm", 0.010, 0.020),
-    DiameterClass("20 mm and more", 0.020),
-    DiameterClass("10 mm and more", 0.010),
+    DiameterClass("all", "all"),
+    DiameterClass("below 5 mm", "< 5 mm", 0.0, 0.005),
+    DiameterClass("5 to 10 mm", "5–10 mm", 0.005, 0.010),
+    DiameterClass("10 to 20 mm", "10–20 mm", 0.010, 0.020),
+    DiameterClass("20 mm and more", "≥ 20 mm", 0.020),
+    DiameterClass("10 mm and more", "≥ 10 mm", 0.010),
 )
 
 
@@ -72,7 +74,7 @@ class LesionScore:
     response: FreeResponseCurve | None
     """None where the thresholds differ among the trials."""
     actions: NDArray[np.int64]
-    """Numbers of actions, from 0 to the longest trial, shape (A,)."""
+    """Numbers of actions, from 1 to that of the longest trial, shape (A,)."""
     mapped: tuple[ShareEstimate, ...]
     """The share of lesions of which the map had called some tumour by each of these."""
     seen: tuple[ShareEstimate, ...]
@@ -155,8 +157,8 @@ def _share_of(
 
 
 def _actions(longest: int) -> NDArray[np.int64]:
-    """Numbers of actions from 0 on, so few that a chart can show them all."""
-    return np.unique(np.linspace(0, longest, min(longest, MOST_ACTIONS) + 1).round().astype(np.int64))
+    """Numbers of actions from 1 on, so few that a chart can show them all."""
+    return np.unique(np.linspace(1, longest, min(longest, MOST_ACTIONS)).round().astype(np.int64))
 
 
 def _by(

@@ -45,8 +45,12 @@ def scores_of(comparison: Comparison, case: str) -> list[LesionScore]:
 
 
 def _cells_of(score: LesionScore, classes: Sequence[DiameterClass]) -> list[str]:
-    shares = [", ".join(filter(None, share_words(score.share_of(of)))) for of in classes]
+    shares = [_in_one_line(share_words(score.share_of(of))) for of in classes]
     return [score.contender, str(score.n_trials), *shares, " ".join(false_words(score))]
+
+
+def _in_one_line(words: tuple[str, ...]) -> str:
+    return words[0] if len(words) == 1 else f"{words[0]}: {' '.join(words[1:])}"
 
 
 def false_words(score: LesionScore) -> tuple[str, str]:
@@ -55,15 +59,13 @@ def false_words(score: LesionScore) -> tuple[str, str]:
     return f"{false.mean:.2f}", interval_text(false.interval, "{:.2f}")
 
 
-def share_words(share: ShareEstimate | None) -> tuple[str, str]:
-    """A share as text: how many of how many, and the percentage with its interval; a dash where there are none."""
+def share_words(share: ShareEstimate | None) -> tuple[str, ...]:
+    """A share as text: how many of how many, the percentage and its interval; a dash where there are no lesions."""
     if share is None:
-        return "–", ""
+        return ("–",)
     low, high = (100 * end for end in share.interval)
-    return (
-        f"{round(share.share * share.n)} of {share.n}",
-        f"{share.share:.0%} {interval_text((low, high), '{:.0f}')}",
-    )
+    n_found = round(share.share * share.n)
+    return f"{n_found} of {share.n}", f"{share.share:.0%}", interval_text((low, high), "{:.0f}")
 
 
 def lesion_rows(comparison: Comparison) -> Iterator[dict[str, Any]]:

@@ -7,7 +7,6 @@ keeps one number a point, however many they were.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.special import logit
 
 from mapping import Prediction
-from planner import Cone
 from sim.episode.episode import Episode
 from sim.episode.measures import FirstSteps, never, note_first
 from sim.episode.setup import Setup
@@ -65,13 +63,16 @@ class Evidence:
         first_called = never(0 if record.field is None else record.field.n_inside)
         for step, log_odds in record.history.items():
             note_first(first_called, step, log_odds > level)
+        first_seen = never(len(record.detection_points_m))
+        for step, is_held in enumerate(record.is_seen(), start=1):
+            note_first(first_seen, step, is_held)
         return cls(
             anatomy=record.anatomy,
             detection_points_m=record.detection_points_m,
             detection_tumours=record.detection_tumours,
             is_attainable=record.is_attainable,
             n_steps=record.n_steps,
-            first_seen=first_seen(record.cone, record.detection_points_m, record.T_world_probe),
+            first_seen=first_seen,
             field=record.field,
             first_called=first_called,
             prior_prevalence=prior,
@@ -127,26 +128,6 @@ class EpisodeWitness:
             first_called=first_called,
             prior_prevalence=self._prior,
         )
-
-
-def first_seen(
-    cone: Cone, points_m: NDArray[np.float64], T_world_probe: Iterable[NDArray[np.float64]]
-) -> FirstSteps:
-    """The action whose cone first held each point, shape (D,).
-
-    Args:
-        cone: What an action senses.
-        points_m: The points [m, world], shape (D, 3).
-        T_world_probe: Where the tip was at each action, shape (4, 4) each.
-    """
-    first, unseen = never(len(points_m)), np.arange(len(points_m))
-    for step, T in enumerate(T_world_probe, start=1):
-        if not unseen.size:
-            break
-        is_held = cone.contains(points_m[unseen], T[:3, 3], T[:3, 2])
-        first[unseen[is_held]] = step
-        unseen = unseen[~is_held]
-    return first
 
 
 def as_kept(prediction: Prediction) -> NDArray[np.float32]:

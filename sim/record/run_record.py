@@ -85,6 +85,13 @@ class RunRecord:
         """The number of actions that were done."""
         return len(self.T_world_probe)
 
+    def is_seen(self) -> NDArray[np.bool_]:
+        """Which detection points lay in the cone of each action, shape (T, D)."""
+        seen = np.zeros((self.n_steps, len(self.detection_points_m)), dtype=bool)
+        for row, T in zip(seen, self.T_world_probe, strict=True):
+            row[:] = self.cone.contains(self.detection_points_m, T[:3, 3], T[:3, 2])
+        return seen
+
     def numbers(self, column: str) -> NDArray[np.float64]:
         """A column of steps.csv, shape (T,); NaN where a cell is empty or the column is not there."""
         return np.array([float(row.get(column) or "nan") for row in self.steps], dtype=np.float64)

@@ -41,6 +41,7 @@ def _tumour(each: TumourFinding) -> dict[str, str]:
         "found": {True: "found", False: "missed", None: NONE}[each.is_found],
         "seen": _step(each.first_seen_step),
         "sensed": _step(each.sensed_step),
+        "attainable": NONE if each.attainable_fraction is None else f"{each.attainable_fraction:.0%}",
         "share": NONE if each.sensed_fraction is None else f"{each.sensed_fraction:.0%}",
         "mapped_from": _step(each.first_mapped_step),
         "true_ml": _ml(each.true_volume_m3),

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sim.findings.findings import Findings
-from sim.findings.free_response import FreeResponse
 from sim.findings.tables import FALSE_FINDINGS, FALSE_TARGETS, TABLE_COLUMNS, TARGETS, TUMOURS, finding_rows
 from sim.tables import write_csv
 
 from .journal import Entry
+
+if TYPE_CHECKING:
+    # The campaign's own process needs no simulator.
+    from sim.findings.findings import Findings
+    from sim.findings.free_response import FreeResponse
 
 Row = dict[str, Any]
 LESIONS = "lesions.csv"
@@ -45,6 +48,7 @@ def trial_findings(findings: Findings, response: FreeResponse | None) -> dict[st
             "probability": [round(float(p), FREE_RESPONSE_DIGITS) for p in response.probability],
             "n_found": response.n_found.tolist(),
             "n_false": response.n_false.tolist(),
+            "own": response.own,
         }
     return kept
 

@@ -27,7 +27,8 @@ sounding compare renders/paper --view-seed 4              # runs seed 4 of each 
 class Options:
     """Compare the planners of one or more campaigns on equal seeds, with tables, intervals and figures.
 
-    The output folder gets compare.md, compare.csv, report.html and figures; the tables are printed as well.
+    The output folder gets compare.md, compare.csv, compare_lesions.csv, report.html and figures; the tables are printed
+    as well.
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]

@@ -40,6 +40,8 @@ class FreeResponse:
     """Lesions that would be found, shape (K,)."""
     n_false: NDArray[np.int64]
     """Findings that would be false, shape (K,)."""
+    own: int = OWN
+    """Which of them is the map's own threshold."""
 
 
 def free_response(evidence: Evidence) -> FreeResponse | None:

@@ -8,12 +8,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mapping.storage import replacing
 from sim.tables import write_csv
 
-from .findings import FalseFinding, Findings, TumourFinding
+if TYPE_CHECKING:
+    # Whoever only writes tables, as the process of a campaign does, needs no simulator.
+    from .findings import FalseFinding, Findings, TumourFinding
 
 TUMOURS, FALSE_FINDINGS, FINDINGS = "tumours.csv", "false_findings.csv", "findings.json"
 TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.campaign.lesions import LESIONS, rows_of
-from sim.findings.free_response import OWN
 
 from ..estimates import CONFIDENCE, MeanEstimate, ShareEstimate, mean_estimate, shares_by_cluster
 from ..trial_groups import TrialGroup
@@ -57,7 +56,7 @@ class FreeResponseCurve:
     """The share of lesions found at each."""
     false_per_run: NDArray[np.float64]
     """The mean number of false findings of a trial at each, shape (K,)."""
-    own: int = OWN
+    own: int
     """Which of them is the map's own threshold."""
 
 
@@ -182,4 +181,5 @@ def _response(group: TrialGroup, tables: Sequence[Sequence[Any]]) -> FreeRespons
         probability=probability,
         found=tuple(shares_by_cluster(n_found, n_lesions, group.seeds)),
         false_per_run=n_false.mean(axis=0),
+        own=int(group.entries[0]["findings"]["free_response"]["own"]),
     )

@@ -47,6 +47,7 @@ def lesion_entry(seed: int, planner: str, found: tuple[bool, ...], *, n_false: i
         "probability": [round(float(1 / (1 + np.exp(-level))), 6) for level in levels],
         "n_found": [n if k < OWN else sum(found) for k in range(len(levels))],
         "n_false": [n_false + max(OWN - k, 0) for k in range(len(levels))],
+        "own": OWN,
     }
     return entry | {"findings": {LESIONS: columns, "free_response": response}}
 

@@ -13,7 +13,7 @@ from sim.report.charts import QUARTERS, Plot, nice, svg_text, x_axis, y_axis
 from ..estimates import ShareEstimate
 from ..series_charts import N_COLOURS, Series, series_chart
 from .scores import DiameterClass, LesionScore, lesion_note
-from .tables import LESION_NOTE, classes_in, false_words, scores_of, share_words
+from .tables import LESION_NOTE, classes_in, false_words, scores_of, sensed_missed_words, share_words
 
 if TYPE_CHECKING:
     from ..comparison import Comparison
@@ -44,6 +44,7 @@ def _row(score: LesionScore, classes: Sequence[DiameterClass], names: Sequence[s
         "colour": _colour(score, names),
         "n": score.n_trials,
         "shares": [share_words(score.share_of(of)) for of in classes],
+        "sensed_missed": sensed_missed_words(score),
         "false": false_words(score),
     }
 

@@ -69,6 +69,10 @@ class LesionScore:
     n_trials: int
     by_diameter: tuple[ShareEstimate | None, ...]
     """The share found of each of `CLASSES`; None where there are no such lesions."""
+    n_sensed: int
+    """Lesions of which 95 % was sensed."""
+    n_sensed_missed: int
+    """Those of them that were missed all the same."""
     false_per_run: MeanEstimate
     response: FreeResponseCurve | None
     """None where the thresholds differ among the trials."""
@@ -115,6 +119,7 @@ def _score(group: TrialGroup) -> LesionScore | None:
         return None
     seeds = np.array([seed for seed, _ in lesions], dtype=np.int64)
     is_found = _column(lesions, "is_found") == 1.0
+    is_sensed = np.isfinite(_column(lesions, "sensed_step"))
     diameters_m = _column(lesions, "true_diameter_m")
     actions = _actions(max(int(entry["row"]["n_sensings"]) for entry in group.entries))
     return LesionScore(
@@ -122,6 +127,8 @@ def _score(group: TrialGroup) -> LesionScore | None:
         contender=group.contender,
         n_trials=len(tables),
         by_diameter=tuple(_share_of(each, diameters_m, is_found, seeds) for each in CLASSES),
+        n_sensed=int(is_sensed.sum()),
+        n_sensed_missed=int((is_sensed & ~is_found).sum()),
         false_per_run=_false_per_run(false),
         response=_response(group, tables),
         actions=actions,

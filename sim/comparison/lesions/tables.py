@@ -29,7 +29,8 @@ def lesion_markdown(comparison: Comparison, case: str) -> list[str]:
     if not scores:
         return ["### Lesions", note] if note else []
     classes = classes_in(scores)
-    head = ("contender", "trials", *(f"found, {each.label}" for each in classes), "false findings a run")
+    shares = (f"found, {each.label}" for each in classes)
+    head = ("contender", "trials", *shares, "missed of the 95 % sensed", "false findings a run")
     table = markdown_table(head, [_cells_of(score, classes) for score in scores])
     return ["### Lesions", *([note] if note else []), table, LESION_NOTE]
 
@@ -46,11 +47,22 @@ def scores_of(comparison: Comparison, case: str) -> list[LesionScore]:
 
 def _cells_of(score: LesionScore, classes: Sequence[DiameterClass]) -> list[str]:
     shares = [_in_one_line(share_words(score.share_of(of))) for of in classes]
-    return [score.contender, str(score.n_trials), *shares, " ".join(false_words(score))]
+    return [
+        score.contender,
+        str(score.n_trials),
+        *shares,
+        sensed_missed_words(score),
+        " ".join(false_words(score)),
+    ]
 
 
 def _in_one_line(words: tuple[str, ...]) -> str:
     return words[0] if len(words) == 1 else f"{words[0]}: {' '.join(words[1:])}"
+
+
+def sensed_missed_words(score: LesionScore) -> str:
+    """How many of the lesions that were sensed to 95 % were missed all the same, as text."""
+    return f"{score.n_sensed_missed} of {score.n_sensed}"
 
 
 def false_words(score: LesionScore) -> tuple[str, str]:
@@ -75,6 +87,8 @@ def lesion_rows(comparison: Comparison) -> Iterator[dict[str, Any]]:
         for of, share in zip(CLASSES, score.by_diameter, strict=True):
             if share is not None:
                 yield name | {"share": "found", "diameter": of.label} | _cells(share)
+        missed = {"n_lesions": score.n_sensed, "fraction": _ratio(score.n_sensed_missed, score.n_sensed)}
+        yield name | {"share": "missed of the 95 % sensed"} | missed
         response = score.response
         if response is not None:
             for p, share, false in zip(
@@ -85,6 +99,10 @@ def lesion_rows(comparison: Comparison) -> Iterator[dict[str, Any]]:
         for what, shares in (("seen", score.seen), ("mapped", score.mapped)):
             for action, share in zip(score.actions, shares, strict=True):
                 yield name | {"share": what, "action": int(action)} | _cells(share)
+
+
+def _ratio(part: int, whole: int) -> float | None:
+    return part / whole if whole else None
 
 
 def _cells(share: ShareEstimate) -> dict[str, Any]:

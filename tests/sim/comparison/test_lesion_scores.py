@@ -25,7 +25,10 @@ STEPS = 6
 
 
 def lesion_entry(seed: int, planner: str, found: tuple[bool, ...], *, n_false: int = 0) -> dict:
-    """A trial whose lesions are known: those found were seen with action 2 and mapped with action 3."""
+    """A trial whose lesions are known: those found were seen with action 2, mapped with 3 and sensed with 4.
+
+    The first lesion is sensed whatever became of it.
+    """
     entry = map_entry(seed, planner, [0.5] * STEPS)
     n = len(found)
     entry["row"] |= {
@@ -38,6 +41,7 @@ def lesion_entry(seed: int, planner: str, found: tuple[bool, ...], *, n_false: i
         "lesion": list(range(1, n + 1)),
         "is_found": list(found),
         "first_seen_step": [2 if each else None for each in found],
+        "sensed_step": [4 if each or i == 0 else None for i, each in enumerate(found)],
         "first_mapped_step": [3 if each else None for each in found],
         "true_diameter_m": list(DIAMETERS_M[:n]),
     }
@@ -82,6 +86,7 @@ def test_planted_shares_come_back_by_diameter(campaign) -> None:
     assert large.interval == share_interval(1.0, N_SEEDS)  # 24 lesions are 12 seeds
     # Half of twelve independent seeds: the bootstrap is near the binomial's 0.5 +- 1.96 sqrt(0.25 / 12).
     assert small.interval == pytest.approx((0.5 - 0.283, 0.5 + 0.283), abs=0.09)
+    assert (mine.n_sensed, mine.n_sensed_missed) == (30 + 12, 12)
     assert mine.false_per_run.mean == pytest.approx(1 / 12)
     assert random.false_per_run.interval == (0.0, pytest.approx(-math.log(0.025) / N_SEEDS))
     assert [share.share for share in random.mapped] == [0, 0, 0.25, 0.25, 0.25, 0.25]
@@ -144,7 +149,7 @@ def test_everything_written_says_the_same(campaign, tmp_path) -> None:
     rows = list(csv.DictReader((tmp_path / "out" / "compare_lesions.csv").open()))
     (large,) = (r for r in rows if r["contender"] == "random" and r["diameter"] == "20 mm and more")
     assert (float(large["fraction"]), large["n_lesions"], large["n_seeds"]) == (1.0, "12", "12")
-    assert {row["share"] for row in rows} == {"found", "seen", "mapped"}
+    assert {row["share"] for row in rows} == {"found", "seen", "mapped", "missed of the 95 % sensed"}
 
 
 def test_campaigns_from_before_lesions_are_compared_without_them(campaign, tmp_path) -> None:

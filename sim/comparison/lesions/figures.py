@@ -50,7 +50,7 @@ def draw_mapped(path: Path, comparison: Comparison, case: str) -> bool:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set(xlabel="sensing actions", ylabel="share of lesions, 95 % interval", ylim=(0, 1.02))
     axes.set_xlim(0, None)
-    axes.legend(frameon=False, fontsize=9, loc="lower right")
+    axes.legend(frameon=False, fontsize=9, loc="best")
     set_title(axes, f"Lesions mapped, and those seen: {case} ({scores[0].mapped[0].n} lesions)", size_pt=11.0)
     save(figure, path)
     return True
@@ -81,7 +81,7 @@ def draw_free_response(path: Path, comparison: Comparison, case: str) -> bool:
             axes.plot([at, at], own.interval, color=colour, linewidth=1.2)
         axes.plot(at, own.share, "o", color=colour, markersize=8)
     axes.set(xlabel="false findings a run", ylabel="share of lesions found", ylim=(0, 1.02))
-    axes.legend(frameon=False, fontsize=9, loc="lower right")
+    axes.legend(frameon=False, fontsize=9, loc="best")
     set_title(
         axes,
         f"Free response over the map's threshold: {case} (large dots: its own)",

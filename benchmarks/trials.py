@@ -19,7 +19,7 @@ from sim.campaign.trial import run_trial
 from sim.running.fields import config_of
 from sim.tables import markdown_table
 
-PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s")
+PARTS = ("setup_s", "plan_s", "ik_s", "move_s", "sense_s", "update_s", "findings_s")
 ROWS = (
     ("expected-improvement", "none", "none"),
     ("random", "none", "none"),

@@ -44,6 +44,7 @@ WITHIN = {
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",
+    "sim.comparison.lesions": "sim.comparison",
     "sim.world.anatomy.given": "sim.world.anatomy",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""

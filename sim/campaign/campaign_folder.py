@@ -95,7 +95,7 @@ class CampaignFolder(LockedFolder):
                 )
 
     def write_tables(self, study: Study) -> None:
-        """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet.
+        """Write trials.csv, timings.csv, the tables of lesions, curves.npz and, with pyarrow, trials.parquet.
 
         What is to be known about the trials' files goes to study.json.
         """

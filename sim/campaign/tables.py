@@ -14,10 +14,11 @@ from sim.extras import EXTRAS
 from sim.tables import columns_of, nan_for_none, write_csv
 
 from .journal import Entry, Journal
+from .lesions import LESION_TABLES, write_lesion_tables
 from .study import LEADING, Study
 from .trial_result import RECALL_LEVELS
 
-TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz")
+TABLES = ("trials.csv", "trials.parquet", "timings.csv", "curves.npz", *LESION_TABLES)
 CURVES = ("auprc", "sensed_fraction", "precision")
 TARGET_CURVES = tuple(f"target_{name}" for name in CURVES)
 """The curves of a second class."""
@@ -26,7 +27,7 @@ CSV_BLOCK_BYTES = 1 << 26
 
 
 def write_tables(folder: Path, journal: Journal, study: Study) -> None:
-    """Write trials.csv, timings.csv, curves.npz and, where pyarrow is installed, trials.parquet.
+    """Write trials.csv, timings.csv, the tables of lesions, curves.npz and, where pyarrow is installed, trials.parquet.
 
     Args:
         folder: The campaign's folder.
@@ -45,6 +46,7 @@ def write_tables(folder: Path, journal: Journal, study: Study) -> None:
     write_csv(folder / "trials.csv", (entry["row"] | entry["settings"] for entry in entries()), columns)
     timed = [*keys, *columns_of(entry["timings"] for entry in entries())]
     write_csv(folder / "timings.csv", (entry["settings"] | entry["timings"] for entry in entries()), timed)
+    write_lesion_tables(folder, entries, keys)
     with replacing(folder / "curves.npz") as file:
         np.savez_compressed(file, **curve_arrays(entries()))  # type: ignore[arg-type]
     _write_parquet(folder)

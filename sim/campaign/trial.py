@@ -18,6 +18,10 @@ from threadpoolctl import threadpool_limits
 from mapping import Prediction, precision_recall_curve
 from sim.episode.episode import Episode
 from sim.episode.setup import Setup, build_setup
+from sim.findings.evidence import EpisodeWitness, Evidence
+from sim.findings.findings import find
+from sim.findings.free_response import free_response
+from sim.findings.measures import lesion_measures
 from sim.running.fields import recorded
 from sim.running.output import Output
 from sim.running.parts import EpisodeParts, make_parts
@@ -25,6 +29,7 @@ from sim.running.run_episode import make_episode, record_episode
 from sim.running.summary import Totals, episode_summary
 
 from .journal import encoded
+from .lesions import trial_findings
 from .lookahead import Lookahead
 from .study import Trial
 from .trial_result import RECALL_LEVELS, TrialResult
@@ -68,23 +73,35 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
     ahead = planner if planner.needs_belief else Lookahead(planner, setup.positioner)
     episode = make_episode(parts, setup, planner=ahead, casts_rays=parts.keeps_map)
     setup_s = perf_counter() - setup_start_s
-    totals = Totals()
+    totals, witness = Totals(), EpisodeWitness(episode, parts.map_settings.prior_prevalence)
     steps = episode.steps(
         parts.n_steps, until_sensed=parts.until_sensed, until_confident=parts.until_confident
     )
     for step in steps:
         totals.add(step)
+        witness.note()
     summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
+    found_start_s = perf_counter()
+    measures, findings = _findings(witness.evidence())
+    summary |= measures
+    findings_s = perf_counter() - found_start_s
     measured = (*totals.seconds(), *MEASURED)
     row = {"status": "finished"} | {
         key: _plain(value) for key, value in summary.items() if key not in measured
     }
-    timings = totals.seconds() | {"setup_s": setup_s, "stage_s": stage_s} | _costs(start_s)
+    timings = totals.seconds() | {"findings_s": findings_s, "setup_s": setup_s, "stage_s": stage_s}
+    timings |= _costs(start_s)
     if isinstance(ahead, Lookahead):
         # These poses were solved while the planner ranked.
         timings |= {"plan_s": timings["plan_s"] - ahead.prepare_s, "ik_s": timings["ik_s"] + ahead.prepare_s}
     notices = tuple(dict.fromkeys((*setup.notices, *episode.notices)))
-    return TrialResult(row, timings, _curves(episode, totals), notices=notices)
+    return TrialResult(row, timings, _curves(episode, totals), findings, notices=notices)
+
+
+def _findings(evidence: Evidence) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the row of a trial says of its lesions, and what the journal keeps of them."""
+    findings = find(evidence)
+    return lesion_measures(findings), trial_findings(findings, free_response(evidence))
 
 
 def write_trial_folder(trial: Trial) -> None:

@@ -26,6 +26,8 @@ class TrialResult:
 
     The curves of a second class have names that begin with `target_`.
     """
+    findings: dict[str, Any] = field(default_factory=dict)
+    """What became of each lesion, as `trial_findings` makes it; empty where the trial failed."""
     traceback: str | None = None
     """Where the error of a failed trial was raised; None for a finished one."""
 
@@ -36,6 +38,7 @@ class TrialResult:
         """The journal's entry of the trial."""
         more = {"traceback": self.traceback} if self.traceback else {}
         more |= {"notices": list(self.notices)} if self.notices else {}
+        more |= {"findings": self.findings} if self.findings else {}
         parts = {"row": self.row, "timings": self.timings, "curves": self.curves}
         return {"settings": trial.settings} | parts | more
 

@@ -29,8 +29,8 @@ class Options:
     """Compare the planners of one or more campaigns on equal seeds, with tables, intervals and figures, or show two to
     four runs of `sounding episode` on one page.
 
-    The output folder gets compare.md, compare.csv, report.html and, for campaigns, figures; the tables are printed as
-    well.
+    The output folder gets compare.md, compare.csv, report.html and, for campaigns, compare_lesions.csv and figures; the
+    tables are printed as well.
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]

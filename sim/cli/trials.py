@@ -33,8 +33,9 @@ sounding trials --study study.toml --out renders/mine
 class Options:
     """Run many episodes: every combination of scenarios, planners, arms and seeds, or those of a study file.
 
-    The output folder gets trials.csv with a row per trial, timings.csv, curves.npz and a journal. Called again, also
-    after a kill, the command goes on where it stopped; the study may have grown meanwhile, for example by more seeds.
+    The output folder gets trials.csv with a row per trial, lesions.csv with a row per lesion, timings.csv, curves.npz
+    and a journal. Called again, also after a kill, the command goes on where it stopped; the study may have grown
+    meanwhile, for example by more seeds.
     """
 
     study: str | None = None

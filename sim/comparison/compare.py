@@ -21,6 +21,8 @@ from sim.tables import write_csv
 
 from .comparison import Comparison, compare_groups
 from .figures import draw_curves, draw_precision, draw_reached, draw_sensings
+from .lesions.figures import draw_free_response, draw_mapped
+from .lesions.tables import LESION_COLUMNS, lesion_rows
 from .page import write_comparison_page
 from .runs import are_runs, write_runs
 from .tables import flat_rows, markdown
@@ -31,6 +33,8 @@ FIGURES: dict[str, Callable[[Path, Comparison, str], bool]] = {
     "reached": draw_reached,
     "auprc": draw_curves,
     "precision_recall": draw_precision,
+    "lesions_mapped": draw_mapped,
+    "free_response": draw_free_response,
 }
 """What draws each figure of a case, by the figure's name."""
 
@@ -54,7 +58,8 @@ def compare(
     view_seed: int | None = None,
     jobs: int = 2,
 ) -> CompareSummary:
-    """Compare campaigns and write compare.md, compare.csv, report.html and figures; or show runs on one page.
+    """Compare campaigns and write compare.md, compare.csv, compare_lesions.csv, report.html and figures, or show runs
+    on one page.
 
     Args:
         folders: One or more folders that `run_trials` or `sounding trials` wrote, or two to four folders of runs.
@@ -85,6 +90,7 @@ def compare(
     with replacing(folder / "compare.md") as file:
         file.write(text.encode(errors="surrogateescape"))
     write_csv(folder / "compare.csv", flat_rows(comparison))
+    write_csv(folder / "compare_lesions.csv", lesion_rows(comparison), LESION_COLUMNS)
     figures = [
         path
         for case in comparison.cases

@@ -20,6 +20,7 @@ from .estimates import (
     median_with_interval,
     paired_estimate,
 )
+from .lesions.scores import LesionScore, lesion_scores
 from .trial_groups import TrialGroup
 
 
@@ -44,6 +45,8 @@ MEASURES = (
     Measure("auprc", "AUPRC", False, "{:.3f}", after_equal_steps=True),
     Measure("sensed_fraction", "share sensed", False, "{:.3f}", after_equal_steps=True),
     Measure("dice", "Dice", False, "{:.3f}", after_equal_steps=True),
+    Measure("lesions_found_fraction", "share of lesions found", False, "{:.3f}", after_equal_steps=True),
+    Measure("n_false_findings", "false findings a run", True, "{:.2f}", after_equal_steps=True),
     Measure("log_loss", "log loss", True, "{:.4f}", after_equal_steps=True),
     Measure("expected_calibration_error", "calibration error", True, "{:.4f}", after_equal_steps=True),
     Measure("joint_travel_rad", "joint travel [rad]", True),
@@ -91,6 +94,8 @@ class Comparison:
     groups: tuple[TrialGroup, ...]
     scores: tuple[Score, ...]
     pairings: tuple[Pairing, ...]
+    lesions: tuple[LesionScore, ...] = ()
+    """What became of the lesions, of contenders whose trials tell of it."""
 
     @property
     def cases(self) -> list[str]:
@@ -125,7 +130,7 @@ def compare_groups(groups: Sequence[TrialGroup], *, reference: str | None = None
             horizon = horizon_of(scored) if measure is SENSINGS else math.inf
             scores += [_score(group, measure, horizon) for group in scored]
             pairings += _pairings(scored, measure, horizon, reference)
-    return Comparison(tuple(groups), tuple(scores), tuple(pairings))
+    return Comparison(tuple(groups), tuple(scores), tuple(pairings), tuple(lesion_scores(groups)))
 
 
 def horizon_of(groups: Sequence[TrialGroup]) -> float:

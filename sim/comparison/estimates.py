@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,8 @@ CONFIDENCE = 0.95
 """Confidence of all intervals."""
 N_RESAMPLES = 9999
 """Samples that the bootstrap draws."""
+RESAMPLES_AT_ONCE = 1000
+"""Samples of clusters that are held in memory at once."""
 Interval = tuple[float, float]
 NO_INTERVAL = (math.nan, math.nan)
 
@@ -44,6 +47,19 @@ class PairedEstimate:
     win_interval: Interval
 
 
+@dataclass(frozen=True, kw_only=True)
+class ShareEstimate:
+    """A share of things that come in clusters, such as the lesions of one organ."""
+
+    n: int
+    """Number of things."""
+    n_clusters: int
+    """Number of clusters that hold any."""
+    share: float
+    interval: Interval
+    """Bootstrap interval over the clusters; NaN for fewer than two."""
+
+
 def mean_estimate(values: ArrayLike, *, seed: int = 0) -> MeanEstimate:
     """The mean of finite values with its bootstrap interval (bias corrected and accelerated).
 
@@ -61,6 +77,64 @@ def mean_estimate(values: ArrayLike, *, seed: int = 0) -> MeanEstimate:
     return MeanEstimate(
         n=sample.size, mean=float(sample.mean()), deviation=deviation, interval=_mean_interval(sample, seed)
     )
+
+
+def shares_by_cluster(
+    counts: NDArray[Any], n: ArrayLike, clusters: ArrayLike, *, seed: int = 0
+) -> list[ShareEstimate]:
+    """The shares of things that come in clusters, with bootstrap intervals that draw whole clusters (percentiles).
+
+    Where the share is 0 or 1, all samples have it too, and a bootstrap says nothing. Wilson's interval takes its place,
+    with each cluster for one thing, since it is not known how much the things of a cluster have in common.
+
+    Args:
+        counts: How many of each row's things count, by each of K rules, shape (rows, K).
+        n: How many things each row has, shape (rows,).
+        clusters: The cluster of each row, shape (rows,).
+        seed: Seed of the resampling.
+
+    Returns:
+        One estimate for each rule, K in all.
+    """
+    names, of_row = np.unique(np.asarray(clusters), return_inverse=True)
+    sums = np.zeros((len(names), np.shape(counts)[1] + 1))
+    np.add.at(sums, of_row, np.column_stack([counts, n]).astype(np.float64))
+    sums = sums[sums[:, -1] > 0]
+    n_clusters, total = len(sums), sums.sum(axis=0)
+    shares = total[:-1] / total[-1]
+    low, high = _resampled_ends(sums, seed) if n_clusters > 1 else (np.full_like(shares, math.nan),) * 2
+    return [
+        ShareEstimate(
+            n=int(total[-1]),
+            n_clusters=n_clusters,
+            share=float(share),
+            interval=(
+                share_interval(float(share), n_clusters)
+                if share in (0.0, 1.0) and n_clusters > 1
+                else (float(low[i]), float(high[i]))
+            ),
+        )
+        for i, share in enumerate(shares)
+    ]
+
+
+def _resampled_ends(sums: NDArray[np.float64], seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The ends of the bootstrap intervals of shares, shape (K,) each.
+
+    Args:
+        sums: What counts in each cluster by each of K rules, and at last how many things there are, (clusters, K + 1).
+        seed: Seed of the resampling.
+    """
+    rng, n = np.random.default_rng(seed), len(sums)
+    drawn = np.concatenate(
+        [
+            rng.multinomial(n, np.full(n, 1.0 / n), size=min(RESAMPLES_AT_ONCE, N_RESAMPLES - first)) @ sums
+            for first in range(0, N_RESAMPLES, RESAMPLES_AT_ONCE)
+        ]
+    )
+    shares = drawn[:, :-1] / drawn[:, -1:]
+    low, high = np.quantile(shares, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
+    return low, high
 
 
 def median_with_interval(values: ArrayLike) -> tuple[float, Interval]:

@@ -16,6 +16,7 @@ from sim.report.page import REPORT, environment
 
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
 from .estimates import reached_shares, spread_of
+from .lesions.page import lesion_part
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
 from .side_by_side import link, run_folder, seed_pictures, seed_rows
 from .tables import failures, horizon_note, pair_cells, score_cells
@@ -98,6 +99,7 @@ def _case(
         "failures": failures(comparison, case),
         "legend": legend(names),
         "charts": _charts(comparison, case, groups, names),
+        "lesions": lesion_part(comparison, case, names),
         "measures": [
             _measure(
                 measure,

@@ -13,7 +13,8 @@ from mapping.storage import replacing
 from sim.campaign.campaign_folder import STUDY
 from sim.errors import UsageError
 from sim.findings.account import Account, account
-from sim.findings.findings import Findings, find
+from sim.findings.findings import Findings
+from sim.findings.results import findings_of
 from sim.findings.tables import finding_summary
 from sim.record.ownership import MANIFEST
 from sim.record.run_record import RunRecord, load_run
@@ -92,7 +93,7 @@ def write_runs(folders: Sequence[Path], folder: Path) -> str:
             name=planner if len(set(planners)) == len(planners) else f"{planner} ({ends[path]})",
             colour=colour,
             record=record,
-            findings=find(record),
+            findings=findings_of(record),
         )
         for (path, record), planner, colour in zip(records.items(), planners, COLOURS, strict=False)
     ]

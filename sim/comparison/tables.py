@@ -9,7 +9,9 @@ from typing import Any
 from sim.tables import markdown_table
 
 from .comparison import SENSINGS, Comparison, Pairing, Score
-from .estimates import Interval, MeanEstimate
+from .estimates import MeanEstimate
+from .lesions.tables import lesion_markdown
+from .texts import interval_text, number_text
 
 SCORE_HEAD = ("contender", "trials", "mean ± sd", "95 % interval", "median [95 %]", "never", "failed")
 PAIR_HEAD = ("pair", "seeds", "mean difference [95 %]", "wins / ties / losses", "win rate [95 %]")
@@ -19,7 +21,7 @@ def markdown(comparison: Comparison, notes: Sequence[str] = ()) -> str:
     """All tables, case by case."""
     parts = ["# Comparison", *notes]
     for case in comparison.cases:
-        parts += [f"## {case}", *failures(comparison, case)]
+        parts += [f"## {case}", *failures(comparison, case), *lesion_markdown(comparison, case)]
         scores = [score for score in comparison.scores if score.case == case]
         pairings = [pairing for pairing in comparison.pairings if pairing.case == case]
         for measure in dict.fromkeys(score.measure for score in scores):
@@ -83,13 +85,6 @@ def pair_cells(pairing: Pairing) -> dict[str, str]:
     }
 
 
-def interval_text(interval: Interval, form: str) -> str:
-    """An interval in brackets, with a dash where there is none."""
-    if math.isnan(interval[0]):
-        return "[–]"
-    return f"[{number_text(interval[0], form)}, {number_text(interval[1], form)}]"
-
-
 def flat_rows(comparison: Comparison) -> list[dict[str, Any]]:
     """The scores and pairings as rows of one CSV file, with all their digits."""
     return [*map(_score_row, comparison.scores), *map(_pairing_row, comparison.pairings)]
@@ -147,10 +142,3 @@ def failures(comparison: Comparison, case: str) -> list[str]:
         f"{len(failed)} trials of this case have no result and are left out, the first being {group.contender}, seed "
         f"{entry['settings']['seed']}: {entry['row']['error']}"
     ]
-
-
-def number_text(value: float, form: str) -> str:
-    """A number, with a dash where there is none, and `never` where it is infinite."""
-    if math.isnan(value):
-        return "–"
-    return "never" if math.isinf(value) else form.format(value)

@@ -29,6 +29,7 @@ from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
 from .arm_motion import make_motion_model
+from .measures import NEVER, never, note_first
 from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
 from .step import Ending, SkippedPose, Step
@@ -110,7 +111,7 @@ class Episode:
         self._scene_state = SceneState(scene, self.data)
         self._sensor = ConeSensor() if sensor is None else sensor
         self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
-        self._is_sensed = np.zeros(len(self.truth.anatomy.detection_points_m), dtype=bool)
+        self.first_seen = never(len(self.truth.anatomy.detection_points_m))
         self.readings: list[LabelledPoints] = []
         self.sensed: list[int] = []
         self.skipped: dict[int, SkippedPose] = {}
@@ -172,10 +173,10 @@ class Episode:
             return None
         pose, answer, motion = chosen
         reading = self._read()
-        self._note_sensed(reading)
+        self._note_seen(number, reading)
         sensed_s = perf_counter()
         auprc = self._update(reading)
-        target = self.target.learn(reading) if self.target is not None else None
+        target = self.target.learn(number, reading) if self.target is not None else None
         self.sensed.append(pose)
         self.readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
         return Step(
@@ -183,7 +184,7 @@ class Episode:
             pose_index=pose,
             ik=answer,
             reading=reading,
-            sensed_fraction=float(self._is_sensed.mean()) if self._is_sensed.size else None,
+            sensed_fraction=float((self.first_seen != NEVER).mean()) if self.first_seen.size else None,
             auprc=auprc,
             skipped=tuple(skipped),
             motion=motion,
@@ -272,10 +273,11 @@ class Episode:
             return self._sensor.sense(self._scene_state, self._sensor_rng)
         return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
 
-    def _note_sensed(self, reading: Reading) -> None:
-        """Mark the detection points that lie in the cone that was really cast."""
+    def _note_seen(self, number: int, reading: Reading) -> None:
+        """Note the detection points that lie in the cone that was really cast."""
         T = reading.T_world_probe
-        self._is_sensed |= self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+        is_held = self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+        note_first(self.first_seen, number, is_held)
 
     def _update(self, reading: Reading) -> float | None:
         if self.tumour_map is None:

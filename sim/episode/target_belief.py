@@ -20,6 +20,7 @@ from mapping import (
 from planner import Cone
 from sim.world.sensing.reading import Reading
 
+from .measures import NEVER, never, note_first
 from .truth import TargetTruth
 
 
@@ -49,7 +50,7 @@ class TargetBelief:
         self.prediction: Prediction | None = None
         self.readings: list[LabelledPoints] = []
         self._cone = cone
-        self._is_sensed = np.zeros(len(truth.anatomy.detection_points_m), dtype=bool)
+        self.first_seen = never(len(truth.anatomy.detection_points_m))
         self._predict()
 
     @property
@@ -57,14 +58,19 @@ class TargetBelief:
         """What the class is called."""
         return self.truth.anatomy.name
 
-    def learn(self, reading: Reading) -> TargetScore:
+    def learn(self, number: int, reading: Reading) -> TargetScore:
         """The score after an action, whose labels of the class update the map.
+
+        Args:
+            number: The number of the action, from 1.
+            reading: What it read.
 
         Raises:
             ValueError: There is a map, and the reading has no labels of the class.
         """
         T = reading.T_world_probe
-        self._is_sensed |= self._cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+        is_held = self._cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+        note_first(self.first_seen, number, is_held)
         if self.tumour_map is not None:
             if reading.is_target is None:
                 raise ValueError(
@@ -77,7 +83,7 @@ class TargetBelief:
         auprc = None
         if self.prediction is not None:
             auprc = average_precision(self.prediction.score, self.truth.is_target)
-        return TargetScore(float(self._is_sensed.mean()), auprc)
+        return TargetScore(float((self.first_seen != NEVER).mean()), auprc)
 
     def metrics(self) -> MapMetrics | None:
         """The scores of the present map against the truth."""

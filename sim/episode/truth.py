@@ -26,8 +26,13 @@ class TargetTruth:
     """The organ, with the class's bodies in the place of tumours and under the class's name."""
     is_target: NDArray[np.bool_]
     """Truth at the setup's search points, shape (M,)."""
-    attainable_fraction: float
-    """Share of the class's detection points that reachable poses can sense."""
+    is_attainable: NDArray[np.bool_]
+    """Which of the class's detection points reachable poses can sense, shape (D,)."""
+
+    @property
+    def attainable_fraction(self) -> float:
+        """Share of the class's detection points that reachable poses can sense."""
+        return float(self.is_attainable.mean())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,10 +44,15 @@ class Truth:
     """The setup that the tumours are planted in."""
     is_tumour: NDArray[np.bool_]
     """Truth at the setup's search points, shape (M,)."""
-    attainable_fraction: float | None
-    """Share of the detection points that reachable poses can sense; None without tumours."""
+    is_attainable: NDArray[np.bool_]
+    """Which of the detection points reachable poses can sense, shape (D,)."""
     target: TargetTruth | None = None
     """The truth of a second class, where one is mapped."""
+
+    @property
+    def attainable_fraction(self) -> float | None:
+        """Share of the detection points that reachable poses can sense; None without tumours."""
+        return float(self.is_attainable.mean()) if self.is_attainable.size else None
 
     @cached_property
     def scene(self) -> Scene:
@@ -71,13 +81,11 @@ def make_truth(setup: Setup, rng: np.random.Generator) -> Truth:
         structures=setup.structures,
         target=target.anatomy if target is not None else None,
     )
-    points_m = anatomy.detection_points_m
-    fraction = _attainable_fraction(setup, points_m) if len(points_m) else None
     return Truth(
         anatomy=anatomy,
         setup=setup,
         is_tumour=anatomy.is_tumour(setup.search_points_m),
-        attainable_fraction=fraction,
+        is_attainable=_attainable(setup, anatomy.detection_points_m),
         target=target,
     )
 
@@ -95,7 +103,7 @@ def _target(setup: Setup, rng: np.random.Generator) -> TargetTruth:
     return TargetTruth(
         anatomy=anatomy,
         is_target=anatomy.is_tumour(setup.search_points_m),
-        attainable_fraction=_attainable_fraction(setup, anatomy.detection_points_m),
+        is_attainable=_attainable(setup, anatomy.detection_points_m),
     )
 
 
@@ -128,4 +136,8 @@ def _planted(setup: Setup, rng: np.random.Generator) -> tuple[Solid, ...]:
 
 
 def _attainable_fraction(setup: Setup, points_m: NDArray[np.float64]) -> float:
-    return float(attainable(setup.workspace, setup.cone, points_m, setup.positioner).mean())
+    return float(_attainable(setup, points_m).mean())
+
+
+def _attainable(setup: Setup, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    return attainable(setup.workspace, setup.cone, points_m, setup.positioner)

@@ -80,13 +80,11 @@ class Pieces:
             claims[shared] = nearest == tumour
         return claims
 
-    def values(self, points_m: NDArray[np.float64], belongs: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """The field less its level where points belong and lie in the organ, below 0 elsewhere, shape (N,)."""
-        values = self.field.at(points_m) - self.level
-        candidates = np.flatnonzero((values > 0) & belongs)
-        is_kept = np.zeros(len(values), dtype=bool)
-        is_kept[candidates[self.organ.contains(points_m[candidates])]] = True
-        return np.where((values > 0) & ~is_kept, -np.maximum(values, 0.01), values)
+    def values(self, grid: Grid, belongs: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """The field less its level at the grid's points that belong and lie in the organ, below 0 elsewhere, (N,)."""
+        values = self.field.at(grid.points_m()) - self.level
+        is_left_out = (values > 0) & ~(belongs & grid.is_in(self.organ))
+        return np.where(is_left_out, -np.maximum(values, 0.01), values)
 
     def box_of(self, is_mapped: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The corners of the box around the cells of lattice points; None where there are no such points."""

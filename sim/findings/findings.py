@@ -1,7 +1,8 @@
 """Findings: what a map calls tumour, piece by piece, against the true tumours.
 
 A piece is a connected component of the lattice points that the map calls tumour. A piece that touches a true tumour is
-a finding of it, and is divided where it touches several. A piece that touches no tumour is a false finding.
+a finding of it, and is divided where it touches several. A piece that touches no tumour is a false finding. What
+touching means, `Pieces` says, and nobody else.
 """
 
 from __future__ import annotations
@@ -14,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logit
 
-from sim.episode.measures import SENSED_GOAL
-from sim.record.map_field import called_from
-from sim.record.run_record import RunRecord
+from sim.episode.measures import NEVER, SENSED_GOAL, FirstSteps
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import closest_points_on_triangles
 
 from .components import Pieces, grid_around
+from .evidence import Evidence
 from .mapped_surface import Overlap, overlap, surface_gap, surface_of
 
 
@@ -40,6 +40,10 @@ class TumourFinding:
     """The first action after which the map called some of it tumour, among those whose map was kept."""
     sensed_fraction: float | None
     """Share of its detection points that was sensed; None without actions or points."""
+    attainable_fraction: float | None
+    """Share of its detection points that reachable poses can sense; None where that is not known."""
+    highest_probability: float | None = None
+    """The highest probability of the last map's points nearest to it; None without a map."""
     true_volume_m3: float
     true_centroid_m: NDArray[np.float64]
     overlap: Overlap | None = None
@@ -57,6 +61,20 @@ class TumourFinding:
     def diameter_m(self) -> float:
         """The diameter of a ball of its volume."""
         return float(np.cbrt(6.0 * self.true_volume_m3 / np.pi))
+
+    @property
+    def dice(self) -> float | None:
+        """Dice of what was mapped of it with it, 0 where nothing was; None without a map."""
+        if self.is_found is None:
+            return None
+        return 0.0 if self.overlap is None else self.overlap.dice
+
+    @property
+    def mapped_volume_m3(self) -> float | None:
+        """The volume of what was mapped of it, 0 where nothing was; None without a map."""
+        if self.is_found is None:
+            return None
+        return 0.0 if self.overlap is None else self.overlap.mapped_volume_m3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,6 +102,8 @@ class Findings:
     """The probability from which the map calls a point tumour."""
     tumours: tuple[TumourFinding, ...]
     false: tuple[FalseFinding, ...]
+    has_map: bool
+    """Whether there was a map that could find anything."""
     target: Findings | None = None
     """What the map of a second class found, with its bodies in the tumours' place; None where none was mapped."""
     visible_fraction: float | None = None
@@ -96,51 +116,65 @@ class Findings:
         return sum(bool(finding.is_found) for finding in self.tumours)
 
 
-def find(record: RunRecord) -> Findings:
-    """The findings of the last map of a run, and those of the map of a second class."""
-    target = None if record.target is None else find(record.target)
-    probability = called_from(float(record.config["map"]["prior_prevalence"]))
-    pieces = None
-    if record.field is not None:
-        pieces = Pieces.of(
-            record.field,
-            float(logit(probability)),
-            record.anatomy.organ,
-            record.detection_points_m,
-            record.detection_tumours,
-            len(record.anatomy.tumours),
-        )
-    is_seen = record.is_seen()
-    tumours = tuple(_tumour(record, i, pieces, is_seen) for i in range(len(record.anatomy.tumours)))
-    false = sorted(_false_findings(record, pieces), key=lambda finding: -finding.volume_m3)
+def find(evidence: Evidence) -> Findings:
+    """The findings of the last map of an episode, and those of the map of a second class."""
+    target = None if evidence.target is None else find(evidence.target)
+    pieces = pieces_of(evidence, float(logit(evidence.probability)))
+    tumours = tuple(_tumour(evidence, i, pieces) for i in range(len(evidence.anatomy.tumours)))
+    false = sorted(_false_findings(evidence, pieces), key=lambda finding: -finding.volume_m3)
     numbered = (dataclasses.replace(finding, finding=i + 1) for i, finding in enumerate(false))
-    visible_fraction = record.summary.get("visible_fraction")
-    return Findings(probability, tumours, tuple(numbered), target, visible_fraction)
+    return Findings(
+        evidence.probability,
+        tumours,
+        tuple(numbered),
+        pieces is not None,
+        target,
+        evidence.visible_fraction,
+    )
 
 
-def _tumour(
-    record: RunRecord, index: int, pieces: Pieces | None, is_seen: NDArray[np.bool_]
-) -> TumourFinding:
-    solid = record.anatomy.tumours[index]
-    of_tumour = record.detection_tumours == index
-    seen_share = np.empty(0)
-    if of_tumour.any():
-        seen_share = np.logical_or.accumulate(is_seen[:, of_tumour], axis=0).mean(axis=1)
+def pieces_of(evidence: Evidence, level: float) -> Pieces | None:
+    """What the last map calls tumour if it does so from some log-odds on; None without a map."""
+    if evidence.field is None:
+        return None
+    return Pieces.of(
+        evidence.field,
+        level,
+        evidence.anatomy.organ,
+        evidence.detection_points_m,
+        evidence.detection_tumours,
+        len(evidence.anatomy.tumours),
+    )
+
+
+def _tumour(evidence: Evidence, index: int, pieces: Pieces | None) -> TumourFinding:
+    solid = evidence.anatomy.tumours[index]
+    of_tumour = evidence.detection_tumours == index
+    first_seen, attainable = evidence.first_seen[of_tumour], evidence.is_attainable
+    has_points = bool(first_seen.size)
     finding = TumourFinding(
         tumour=index + 1,
         is_found=None if pieces is None else bool(pieces.touches[:, index].any()),
-        first_seen_step=_first(seen_share > 0),
-        sensed_step=_first(seen_share >= SENSED_GOAL),
+        first_seen_step=_first(first_seen),
+        sensed_step=_sensed_step(first_seen),
         first_mapped_step=None,
-        sensed_fraction=float(seen_share[-1]) if len(seen_share) else None,
+        sensed_fraction=float((first_seen != NEVER).mean()) if has_points and evidence.n_steps else None,
+        attainable_fraction=(
+            None if attainable is None or not has_points else float(attainable[of_tumour].mean())
+        ),
         true_volume_m3=solid.volume_m3,
         true_centroid_m=(centre_m := centroid_m(solid)),
-        depth_m=_depth_m(record.anatomy.organ, centre_m),
+        depth_m=_depth_m(evidence.anatomy.organ, centre_m),
     )
     if pieces is None:
         return finding
-    cells = pieces.field.nearest(record.detection_points_m[of_tumour])
-    finding = dataclasses.replace(finding, first_mapped_step=_first_mapped(record, pieces, cells))
+    cells = pieces.field.nearest(evidence.detection_points_m[of_tumour])
+    log_odds = pieces.field.log_odds[tuple(cells.T)]
+    finding = dataclasses.replace(
+        finding,
+        first_mapped_step=_first_mapped(evidence, pieces, cells),
+        highest_probability=float(expit(log_odds.max())) if log_odds.size else None,
+    )
     return _with_surface(finding, solid, index, pieces) if finding.is_found else finding
 
 
@@ -156,10 +190,9 @@ def _with_surface(finding: TumourFinding, solid: Solid, index: int, pieces: Piec
     low_m, high_m = solid.bounds_m
     grid = grid_around((low_m, high_m), pieces.box_of(is_touching[pieces.labels]))
     points_m = grid.points_m()
-    values = pieces.values(points_m, pieces.is_of(points_m, tumour=index))
+    values = pieces.values(grid, pieces.is_of(points_m, tumour=index))
     surface = surface_of(grid, values)
-    is_true = solid.contains(points_m)
-    is_true[is_true] = pieces.organ.contains(points_m[is_true])
+    is_true = grid.is_in(solid) & grid.is_in(pieces.organ)
     if surface is None or not is_true.any():
         return finding
     mean_m, hausdorff95_m = surface_gap(surface, solid, np.random.default_rng(index))
@@ -172,13 +205,13 @@ def _with_surface(finding: TumourFinding, solid: Solid, index: int, pieces: Piec
     )
 
 
-def _false_findings(record: RunRecord, pieces: Pieces | None) -> Iterator[FalseFinding]:
+def _false_findings(evidence: Evidence, pieces: Pieces | None) -> Iterator[FalseFinding]:
     for piece in pieces.false if pieces is not None else ():
         assert pieces is not None
         is_piece = pieces.labels == piece
         grid = grid_around(pieces.box_of(is_piece))
         points_m = grid.points_m()
-        values = pieces.values(points_m, pieces.is_of(points_m, piece=piece))
+        values = pieces.values(grid, pieces.is_of(points_m, piece=piece))
         is_mapped = values > 0
         lattice_m = np.array(
             [axis[i].mean() for axis, i in zip(pieces.field.axes_m, np.nonzero(is_piece), strict=True)]
@@ -189,32 +222,37 @@ def _false_findings(record: RunRecord, pieces: Pieces | None) -> Iterator[FalseF
             volume_m3=float(is_mapped.sum()) * grid.cell_m3,
             centroid_m=centre_m,
             highest_probability=float(expit(pieces.field.log_odds[is_piece].max())),
-            tumour_distance_m=_distance_to_tumours_m(record, centre_m),
-            first_mapped_step=_first_mapped(record, pieces, np.argwhere(is_piece)),
+            tumour_distance_m=_distance_to_tumours_m(evidence, centre_m),
+            first_mapped_step=_first_mapped(evidence, pieces, np.argwhere(is_piece)),
             surface=surface_of(grid, values),
         )
 
 
-def _first_mapped(record: RunRecord, pieces: Pieces, cells: NDArray[np.intp]) -> int | None:
-    """The first action whose kept map calls one of the lattice points tumour."""
+def _first_mapped(evidence: Evidence, pieces: Pieces, cells: NDArray[np.intp]) -> int | None:
+    """The first action after which the map called one of some lattice points tumour."""
     field = pieces.field
     number = np.full(field.is_inside.shape, -1)
     number[field.is_inside] = np.arange(field.n_inside)
     wanted = np.unique(number[tuple(cells.T)])
-    wanted = wanted[wanted >= 0]
-    steps = (step for step, log_odds in record.history.items() if (log_odds[wanted] > pieces.level).any())
-    return next(steps, None)
+    return _first(evidence.first_called[wanted[wanted >= 0]])
 
 
-def _distance_to_tumours_m(record: RunRecord, point_m: NDArray[np.float64]) -> float | None:
-    if not len(record.detection_points_m):
+def _distance_to_tumours_m(evidence: Evidence, point_m: NDArray[np.float64]) -> float | None:
+    if not len(evidence.detection_points_m):
         return None
-    return float(np.linalg.norm(record.detection_points_m - point_m, axis=1).min())
+    return float(np.linalg.norm(evidence.detection_points_m - point_m, axis=1).min())
 
 
-def _first(is_marked: NDArray[np.bool_]) -> int | None:
-    """The number, from 1, of the first action that is marked; None without a mark."""
-    return int(np.argmax(is_marked)) + 1 if is_marked.any() else None
+def _first(steps: FirstSteps) -> int | None:
+    """The first of the actions; None where there is none."""
+    first = int(steps.min(initial=NEVER))
+    return None if first == NEVER else first
+
+
+def _sensed_step(first_seen: FirstSteps) -> int | None:
+    """The action by which 95 % of some points had been seen; None where it never came to that."""
+    shares = np.arange(1, len(first_seen) + 1) / len(first_seen) if len(first_seen) else np.empty(0)
+    return _first(np.sort(first_seen)[shares >= SENSED_GOAL])
 
 
 def centroid_m(solid: Solid) -> NDArray[np.float64]:

@@ -47,6 +47,14 @@ class Grid:
         indices = np.stack(np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1).reshape(-1, 3)
         return self.low_m + indices * self.spacing_m
 
+    def is_in(self, solid: Solid) -> NDArray[np.bool_]:
+        """Which of the points lie in a solid, shape (N,)."""
+        axes_m = [
+            low_m + np.arange(n) * self.spacing_m for low_m, n in zip(self.low_m, self.shape, strict=True)
+        ]
+        places_m = np.stack(np.meshgrid(axes_m[0], axes_m[1], indexing="ij"), axis=-1).reshape(-1, 2)
+        return solid.contains_in_columns(places_m, axes_m[2]).ravel()
+
     @property
     def cell_m3(self) -> float:
         """The volume for which each point stands [m^3]."""

@@ -8,12 +8,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mapping.storage import replacing
 from sim.tables import write_csv
 
-from .findings import FalseFinding, Findings, TumourFinding
+if TYPE_CHECKING:
+    # Whoever only writes tables, as the process of a campaign does, needs no simulator.
+    from .findings import FalseFinding, Findings, TumourFinding
 
 TUMOURS, FALSE_FINDINGS, FINDINGS = "tumours.csv", "false_findings.csv", "findings.json"
 TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"
@@ -21,30 +23,40 @@ TARGETS, FALSE_TARGETS = "targets.csv", "target_false_findings.csv"
 
 def write_finding_tables(folder: Path, findings: Findings) -> None:
     """Write the two tables of each class to a run's folder, and findings.json."""
-    write_csv(folder / TUMOURS, map(tumour_row, findings.tumours), list(tumour_row(None)))
-    write_csv(folder / FALSE_FINDINGS, map(false_row, findings.false), list(false_row(None)))
-    if findings.target is not None:
-        bodies = [_of_target(tumour_row(each)) for each in findings.target.tumours]
-        false = [_of_target(false_row(each)) for each in findings.target.false]
-        write_csv(folder / TARGETS, bodies, list(_of_target(tumour_row(None))))
-        write_csv(folder / FALSE_TARGETS, false, list(_of_target(false_row(None))))
+    for name, rows in finding_rows(findings).items():
+        write_csv(folder / name, rows, TABLE_COLUMNS[name])
     with replacing(folder / FINDINGS) as file:
         file.write((json.dumps(finding_summary(findings), indent=2, allow_nan=False) + "\n").encode())
+
+
+def finding_rows(findings: Findings) -> dict[str, list[dict[str, Any]]]:
+    """The rows of each table, by the table's name; the tables of a second class only where one is mapped."""
+    rows = {
+        TUMOURS: [tumour_row(each) for each in findings.tumours],
+        FALSE_FINDINGS: [false_row(each) for each in findings.false],
+    }
+    if findings.target is None:
+        return rows
+    return rows | {
+        TARGETS: [_of_target(tumour_row(each)) for each in findings.target.tumours],
+        FALSE_TARGETS: [_of_target(false_row(each)) for each in findings.target.false],
+    }
 
 
 def tumour_row(finding: TumourFinding | None) -> dict[str, Any]:
     """A row of tumours.csv; for None a row of empty cells, which tells the columns."""
     overlap = finding.overlap if finding else None
-    is_missed = finding is not None and finding.is_found is False
     steps = ("first_seen_step", "sensed_step", "first_mapped_step")
-    names = ("tumour", "is_found", *steps, "sensed_fraction", "true_volume_m3")
+    names = ("tumour", "is_found", *steps, "sensed_fraction", "true_volume_m3", "mapped_volume_m3")
     row: dict[str, Any] = {name: getattr(finding, name, None) for name in names}
-    row["mapped_volume_m3"] = 0.0 if is_missed else getattr(overlap, "mapped_volume_m3", None)
-    row |= {name: getattr(overlap, name, None) for name in ("centroid_error_m", "dice")}
-    row |= {name: getattr(finding, name, None) for name in ("surface_mean_m", "surface_hausdorff95_m")}
+    row["centroid_error_m"] = getattr(overlap, "centroid_error_m", None)
+    names = ("dice", "surface_mean_m", "surface_hausdorff95_m")
+    row |= {name: getattr(finding, name, None) for name in names}
     row |= _place("true_centroid", finding.true_centroid_m if finding else None)
     row |= _place("mapped_centroid", overlap.mapped_centroid_m if overlap else None)
-    return row | {f"true_{name}": getattr(finding, name, None) for name in ("diameter_m", "depth_m")}
+    row |= {f"true_{name}": getattr(finding, name, None) for name in ("diameter_m", "depth_m")}
+    names = ("attainable_fraction", "highest_probability")
+    return row | {name: getattr(finding, name, None) for name in names}
 
 
 def false_row(finding: FalseFinding | None) -> dict[str, Any]:
@@ -83,3 +95,12 @@ def _place(name: str, point_m: Sequence[float] | Any) -> dict[str, Any]:
     return {
         f"{name}_{axis}_m": None if point_m is None else float(point_m[i]) for i, axis in enumerate("xyz")
     }
+
+
+TABLE_COLUMNS: dict[str, tuple[str, ...]] = {
+    TUMOURS: tuple(tumour_row(None)),
+    FALSE_FINDINGS: tuple(false_row(None)),
+    TARGETS: tuple(_of_target(tumour_row(None))),
+    FALSE_TARGETS: tuple(_of_target(false_row(None))),
+}
+"""The columns of each table."""

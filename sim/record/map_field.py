@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates, spline_filter
 from scipy.special import logit
 
 Axes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
@@ -14,6 +15,8 @@ SURE = 1e-7
 """Probabilities are kept this far from 0 and 1, whose log-odds are infinite."""
 CALLED_FROM = 0.5
 """The probability from which a map calls a point tumour: it is then more likely tumour than not."""
+SPLINE_RIM = 12
+"""Points that SciPy adds around values before it makes a spline of them that ends flat."""
 ABOVE_PRIOR = 0.2
 """How much likelier than the prior a point has to be, where the prior would raise that probability."""
 
@@ -75,8 +78,13 @@ class MapField:
 
     def at(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """The log-odds between the lattice's points by cubic interpolation, shape (N,)."""
-        places = self.indices_of(points_m).T
-        return map_coordinates(self.log_odds, places, order=3, mode="nearest")
+        places = self.indices_of(points_m).T + SPLINE_RIM
+        return map_coordinates(self._spline, places, order=3, mode="nearest", prefilter=False)
+
+    @cached_property
+    def _spline(self) -> NDArray[np.float64]:
+        """The spline's coefficients, with a rim; `map_coordinates` itself would make the same ones each time."""
+        return spline_filter(np.pad(self.log_odds, SPLINE_RIM, mode="edge"), order=3, mode="nearest")
 
 
 def extended(values: NDArray[np.float64], is_inside: NDArray[np.bool_]) -> NDArray[np.float64]:

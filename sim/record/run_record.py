@@ -55,6 +55,8 @@ class RunRecord:
     target: RunRecord | None = None
     """The same run as a record of the second class, where one was mapped: its bodies, map and curves stand in the
     place of the tumours'."""
+    is_attainable: NDArray[np.bool_] | None = None
+    """Which detection points reachable poses can sense, shape (D,); None where an older run did not keep it."""
     deviation: NDArray[np.float64] | None = None
     """Standard deviation of the last map's latent at the search points, shape (M,); None where it is not told."""
 
@@ -107,7 +109,7 @@ def load_run(folder: Path | str) -> RunRecord:
     if not {"options", "scenario", "T_world_organ"} <= config.keys():
         raise UsageError(f"{folder}: is not the folder of an episode.")
     anatomy = read_anatomy(folder)
-    points_m, tumours = _detection(folder / ANATOMY)
+    points_m, tumours, is_attainable = _detection(folder / ANATOMY)
     n_steps, T_world_probe = read_poses(folder)
     # A kill may leave one row more in one of the two tables.
     steps = read_rows(folder / "steps.csv")[: len(n_steps)]
@@ -123,6 +125,7 @@ def load_run(folder: Path | str) -> RunRecord:
         anatomy=anatomy,
         detection_points_m=points_m,
         detection_tumours=tumours,
+        is_attainable=is_attainable,
         field=field,
         history={} if field is None else _history(folder, TUMOURS, field.n_inside, len(steps)),
         deviation=_deviation(folder / "map.npz", field),
@@ -133,7 +136,7 @@ def load_run(folder: Path | str) -> RunRecord:
 def _of_target(record: RunRecord, anatomy: Anatomy) -> RunRecord:
     """The record of the second class."""
     folder, n_steps = record.folder, len(record.steps)
-    points_m, bodies = _detection(folder / ANATOMY, "target_")
+    points_m, bodies, is_attainable = _detection(folder / ANATOMY, "target_")
     field = _field(folder / "map.npz", "target_")
     own = ("auprc", "sensed_fraction")
     return replace(
@@ -142,6 +145,7 @@ def _of_target(record: RunRecord, anatomy: Anatomy) -> RunRecord:
         anatomy=anatomy,
         detection_points_m=points_m,
         detection_tumours=bodies,
+        is_attainable=is_attainable,
         field=field,
         history={} if field is None else _history(folder, TARGETS, field.n_inside, n_steps),
         deviation=_deviation(folder / "map.npz", field, "target_"),
@@ -164,12 +168,17 @@ def _json(path: Path) -> dict[str, Any]:
         raise UsageError(f"{path}: cannot be read ({error}). Run the episode again.") from error
 
 
-def _detection(path: Path, prefix: str = "") -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _detection(
+    path: Path, prefix: str = ""
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_] | None]:
+    """The detection points of a class, the body of each, and which of them reachable poses can sense."""
     with np.load(path, allow_pickle=False) as arrays:
         if "detection_points_m" not in arrays.files:
             # The run is older than the points' place in the file.
-            return np.empty((0, 3)), np.empty(0, dtype=np.int64)
-        return arrays[f"{prefix}detection_points_m"], arrays[f"{prefix}detection_tumours"]
+            return np.empty((0, 3)), np.empty(0, dtype=np.int64), None
+        name = f"{prefix}detection_is_attainable"
+        is_attainable = arrays[name] if name in arrays.files else None
+        return arrays[f"{prefix}detection_points_m"], arrays[f"{prefix}detection_tumours"], is_attainable
 
 
 def _field(path: Path, prefix: str = "") -> MapField | None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.episode.motion import Motion
+from sim.episode.truth import Truth
 from sim.errors import UsageError
 from sim.world.anatomy.anatomy import Anatomy, build_anatomy
 from sim.world.anatomy.structures import Structure
@@ -30,8 +31,9 @@ def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
     folder.write_arrays(f"motion/{step:05d}.npz", compressed=True, **arrays)
 
 
-def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
+def write_anatomy(folder: RunFolder, truth: Truth) -> None:
     """Write the surfaces of organ, tumours, targets and structures, and the detection points, world frame [m]."""
+    anatomy = truth.anatomy
     structures, target = anatomy.structures, anatomy.target
     solids = {"organ": anatomy.organ} | {f"tumour{i}": tumour for i, tumour in enumerate(anatomy.tumours)}
     solids |= {f"structure{i}": structure.solid for i, structure in enumerate(structures)}
@@ -42,14 +44,16 @@ def write_anatomy(folder: RunFolder, anatomy: Anatomy) -> None:
     arrays |= {
         "detection_points_m": anatomy.detection_points_m,
         "detection_tumours": anatomy.detection_tumours,
+        "detection_is_attainable": truth.is_attainable,
         "structure_names": np.array([structure.name for structure in structures], dtype=np.str_),
         "structure_is_keepout": np.array([structure.is_keepout for structure in structures], dtype=np.bool_),
     }
-    if target is not None:
+    if target is not None and truth.target is not None:
         arrays |= {
             "target_name": np.array(target.name),
             "target_detection_points_m": target.detection_points_m,
             "target_detection_tumours": target.detection_tumours,
+            "target_detection_is_attainable": truth.target.is_attainable,
         }
     folder.write_arrays(ANATOMY, compressed=True, **arrays)
 

@@ -185,11 +185,11 @@ def _plane(n_actions: int, finite: Numbers, y_top: float | None) -> tuple[Plot, 
         stride = max(1, math.ceil((decades[1] - first) / 4))
         ticks = [10.0**d for d in range(decades[1], first - 1, -stride)]
         return Plot(x_range=x_range, y_range=(10.0**first, 10.0 ** decades[1]), is_log=True), ticks
-    top = y_top if y_top is not None else (_nice(high) if high > 0 else 1.0)
+    top = y_top if y_top is not None else (nice(high) if high > 0 else 1.0)
     return Plot(x_range=x_range, y_range=(0.0, top)), np.linspace(0.0, top, 3).tolist()
 
 
-def _nice(value: float) -> float:
+def nice(value: float) -> float:
     """The next of 1, 2, 4, 5, 10 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return next(step * power for step in (1.0, 2.0, 4.0, 5.0, 10.0) if step * power >= value * (1 - 1e-9))

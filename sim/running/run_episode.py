@@ -39,6 +39,7 @@ from .summary import Totals, episode_summary
 if TYPE_CHECKING:
     from mapping import TumourMapFactory
     from sim.episode.scenario import Scenario
+    from sim.findings.findings import Findings
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
 
@@ -167,7 +168,7 @@ def record_episode(
         notices = list(dict.fromkeys((*setup.notices, *episode.notices)))
         config = run_config(parts, setup, output.options, output.cannot_repeat) | {"notices": notices}
         folder.begin(config, {"seed": parts.seed})
-        write_anatomy(folder, episode.truth.anatomy)
+        write_anatomy(folder, episode.truth)
         for notice in notices if show_progress else ():
             notify(notice)
         run = _EpisodeRun(parts, output, folder, episode, EpisodeFrames(folder.path, episode, renderer))
@@ -248,9 +249,12 @@ class _EpisodeRun:
         self._has_told_of_reach = True
 
     def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
-        """Write the last frame, the final map, the figures and the summary."""
-        # Imported here for the reason that `_publish` tells.
+        """Write the last frame, the final map, the figures, the findings, the summary and the report."""
+        # Imported here, since it takes half a second, and the workers of trials write no folder.
+        from sim.findings.measures import lesion_measures
+        from sim.findings.results import write_results
         from sim.pictures.run_figures import draw_run_figures
+        from sim.record.run_record import load_run
 
         folder, episode, totals, parts = self._folder, self._episode, self._totals, self._parts
         if self._output.frames == "last" and totals.steps:
@@ -271,18 +275,16 @@ class _EpisodeRun:
             folder.append_row("structures.csv", row)
         if totals.steps:
             draw_run_figures(folder.path, episode, totals.steps)
+        findings = write_results(load_run(folder.path))
+        summary |= lesion_measures(findings)
         folder.write_json("summary.json", summary)
-        self._publish()
+        self._publish(findings)
         return summary
 
-    def _publish(self) -> None:
-        """Write the results that are made from the finished folder, and its report."""
-        # Imported here, since it takes half a second, and the workers of trials write no folder.
-        from sim.findings.results import write_results
-        from sim.record.run_record import load_run
+    def _publish(self, findings: Findings) -> None:
+        """Write the report, which is made of the finished folder."""
         from sim.report import write_report
 
-        findings = write_results(load_run(self._folder.path))
         self._folder.finish(self._status)
         if self._output.report:
             write_report(self._folder.path, findings)

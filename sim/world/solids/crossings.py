@@ -85,6 +85,25 @@ class VerticalCrossings:
             winding += np.bincount(hits.point, hits.sign, minlength=len(points_m))
         return winding.astype(np.int64)
 
+    def winding_in_columns(
+        self, places_m: NDArray[np.float64], heights_m: NDArray[np.float64]
+    ) -> NDArray[np.int64]:
+        """What `winding` says of the points of upright columns, each of which takes one ray, shape (K, Z).
+
+        Args:
+            places_m: Where the columns stand in the plane, shape (K, 2).
+            heights_m: Rising heights of the points of each column, shape (Z,).
+        """
+        n_columns, n_heights = len(places_m), len(heights_m)
+        points_m = np.column_stack([places_m, np.full(n_columns, heights_m[0])])
+        steps = np.zeros(n_columns * n_heights)
+        for hits in self._hits(points_m):
+            # A crossing counts for all points below it, of which the highest has this number.
+            highest = np.searchsorted(heights_m, hits.height_m, side="left") - 1
+            steps += np.bincount(hits.point * n_heights + highest, hits.sign, minlength=len(steps))
+        above = np.cumsum(steps.reshape(n_columns, n_heights)[:, ::-1], axis=1)
+        return above[:, ::-1].astype(np.int64)
+
     def count_above(self, points_m: NDArray[np.float64]) -> NDArray[np.int64]:
         """Number of crossings above each point, whatever their sign, shape (N,)."""
         count = np.zeros(len(points_m), dtype=np.int64)

@@ -113,6 +113,17 @@ class Solid:
         """
         return self.winding(points_m) > 0
 
+    def contains_in_columns(
+        self, places_m: NDArray[np.float64], heights_m: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """What `contains` says of the points of a grid, many times faster, shape (K, Z).
+
+        Args:
+            places_m: Where the grid's columns stand in the plane [m], shape (K, 2).
+            heights_m: Rising heights of the points of each column [m], shape (Z,).
+        """
+        return self._crossings.winding_in_columns(places_m, heights_m) > 0
+
     def is_open_above(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """True for each point from which a ray towards +z meets nothing of the surface.
 

@@ -78,7 +78,7 @@ def table(folder: Path, name: str = "trials.csv") -> list[dict[str, str]]:
 
 
 def assert_same(folder: Path, campaign: Path) -> None:
-    for name in ("trials.csv", "curves.npz"):
+    for name in ("trials.csv", "curves.npz", "lesions.csv", "false_findings.csv"):
         assert (folder / name).read_bytes() == (campaign / name).read_bytes()
 
 

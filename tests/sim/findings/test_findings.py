@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from planted_run import ball, planted_run
 
-from sim.findings.findings import centroid_m, find
+from sim.findings.findings import centroid_m
 from sim.findings.mapped_surface import surface_gap
+from sim.findings.results import findings_of
 from sim.findings.tables import finding_summary, write_finding_tables
 from sim.record.map_field import called_from
 
@@ -32,7 +33,7 @@ def shifted_distances(shift: float) -> np.ndarray:
 @pytest.mark.parametrize("shift_m", [0.0, 0.003, 0.006])
 def test_a_shifted_ball_has_the_lens_of_geometry(tmp_path, shift_m) -> None:
     record = planted_run(tmp_path, true=[((0.01, 0.0, 0.0), R)], mapped=[((0.01 + shift_m, 0.0, 0.0), R)])
-    (finding,) = find(record).tumours
+    (finding,) = findings_of(record).tumours
     assert finding.is_found
     assert finding.overlap is not None
     # A lattice of 3 mm interpolated by cubics misses a sphere of 12 mm by some tenths of a millimetre.
@@ -57,7 +58,7 @@ def test_the_gap_of_two_spheres_is_that_of_geometry() -> None:
 def test_what_touches_no_tumour_is_a_false_finding_and_what_nothing_touches_is_missed(tmp_path) -> None:
     true = [((-0.03, 0.0, 0.0), R), ((0.0, 0.04, 0.0), R)]
     mapped = [((-0.03, 0.0, 0.0), R), ((0.045, 0.0, 0.0), 0.008), ((0.0, -0.045, 0.0), 0.010)]
-    findings = find(planted_run(tmp_path, true=true, mapped=mapped))
+    findings = findings_of(planted_run(tmp_path, true=true, mapped=mapped))
     assert [each.is_found for each in findings.tumours] == [True, False]
     assert findings.n_found == 1
     missed = findings.tumours[1]
@@ -76,7 +77,7 @@ def test_what_touches_no_tumour_is_a_false_finding_and_what_nothing_touches_is_m
 def test_a_piece_that_joins_two_tumours_is_shared_out(tmp_path) -> None:
     true = [((-0.011, 0.0, 0.0), 0.010), ((0.011, 0.0, 0.0), 0.010)]
     mapped = [*true, ((0.0, 0.0, 0.0), 0.006)]  # a bridge
-    findings = find(planted_run(tmp_path, true=true, mapped=mapped))
+    findings = findings_of(planted_run(tmp_path, true=true, mapped=mapped))
     assert not findings.false
     left, right = (each.overlap for each in findings.tumours)
     assert left is not None
@@ -88,7 +89,9 @@ def test_a_piece_that_joins_two_tumours_is_shared_out(tmp_path) -> None:
 
 def test_a_ball_at_the_rim_ends_at_the_organ(tmp_path) -> None:
     centre_m = (0.074, 0.0, 0.0)  # half of the map's ball lies beyond the organ
-    (finding,) = find(planted_run(tmp_path, true=[((0.066, 0.0, 0.0), R)], mapped=[(centre_m, R)])).tumours
+    (finding,) = findings_of(
+        planted_run(tmp_path, true=[((0.066, 0.0, 0.0), R)], mapped=[(centre_m, R)])
+    ).tumours
     assert finding.surface is not None
     assert np.linalg.norm(finding.surface.vertices_m, axis=1).max() < 0.0805
 
@@ -101,7 +104,7 @@ def test_actions_are_counted_from_what_the_cones_held(tmp_path) -> None:
         T = np.diag([1.0, -1.0, -1.0, 1.0])
         T[:3, 3] = (x, 0.2 if x == 0.0 else 0.0, 0.09)
         poses.append(T)
-    findings = find(planted_run(tmp_path, true=true, mapped=None, T_world_probe=np.array(poses)))
+    findings = findings_of(planted_run(tmp_path, true=true, mapped=None, T_world_probe=np.array(poses)))
     assert [each.first_seen_step for each in findings.tumours] == [2, 3]
     assert [each.sensed_step for each in findings.tumours] == [2, 3]
     assert [each.is_found for each in findings.tumours] == [None, None]  # no map was kept
@@ -109,11 +112,11 @@ def test_actions_are_counted_from_what_the_cones_held(tmp_path) -> None:
 
 
 def test_without_tumours_all_is_false(tmp_path) -> None:
-    findings = find(planted_run(tmp_path, true=[], mapped=[((0.0, 0.0, 0.0), R)]))
+    findings = findings_of(planted_run(tmp_path, true=[], mapped=[((0.0, 0.0, 0.0), R)]))
     assert not findings.tumours
     (false,) = findings.false
     assert false.tumour_distance_m is None
-    assert not find(planted_run(tmp_path, true=[], mapped=[])).false
+    assert not findings_of(planted_run(tmp_path, true=[], mapped=[])).false
 
 
 def test_the_papers_prior_is_no_finding() -> None:
@@ -127,13 +130,13 @@ def test_the_tables_hold_what_was_found_in_si_units(tmp_path) -> None:
         [((0.0, 0.0, 0.0), R), ((0.0, 0.05, 0.0), R)],
         [((0.003, 0.0, 0.0), R), ((0.05, 0.0, 0.0), R)],
     )
-    findings = find(planted_run(tmp_path, true=true, mapped=mapped))
+    findings = findings_of(planted_run(tmp_path, true=true, mapped=mapped))
     write_finding_tables(tmp_path, findings)
     first, second = csv.DictReader((tmp_path / "tumours.csv").open())
     assert (first["is_found"], second["is_found"]) == ("1", "0")
     assert float(first["centroid_error_m"]) == pytest.approx(0.003, abs=2e-4)
     assert float(first["true_volume_m3"]) == pytest.approx(VOLUME)
-    assert (second["dice"], second["mapped_volume_m3"]) == ("", "0.0")
+    assert (second["dice"], second["mapped_volume_m3"]) == ("0.0", "0.0")
     (false,) = csv.DictReader((tmp_path / "false_findings.csv").open())
     assert float(false["centroid_x_m"]) == pytest.approx(0.05, abs=3e-4)
     summary = finding_summary(findings)
@@ -141,7 +144,7 @@ def test_the_tables_hold_what_was_found_in_si_units(tmp_path) -> None:
 
 
 def test_empty_tables_have_their_columns(tmp_path) -> None:
-    write_finding_tables(tmp_path, find(planted_run(tmp_path, true=[], mapped=[])))
+    write_finding_tables(tmp_path, findings_of(planted_run(tmp_path, true=[], mapped=[])))
     assert (tmp_path / "tumours.csv").read_text().startswith("tumour,is_found,first_seen_step")
     assert (tmp_path / "false_findings.csv").read_text().startswith("finding,volume_m3")
 

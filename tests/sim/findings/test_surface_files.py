@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 from planted_run import planted_run
 
-from sim.findings.findings import find
+from sim.findings.results import findings_of
 from sim.findings.surface_files import write_surfaces
 
 R = 0.012
@@ -17,7 +17,7 @@ def test_stl_lies_in_the_organs_file_in_millimetres_and_gltf_in_metres(tmp_path)
     record = planted_run(
         tmp_path, true=[(tuple(centre_m), R)], mapped=[(tuple(centre_m), R), ((-0.04, 0.0, 0.0), 0.01)]
     )
-    files = write_surfaces(record, find(record))
+    files = write_surfaces(record, findings_of(record))
     names = ["mapped_false_1.stl", "mapped_tumour_1.stl", "mapped.glb"]
     assert sorted(file.name for file in files) == sorted(names)
     in_organ_m = (np.linalg.inv(record.T_world_organ) @ [*centre_m, 1.0])[:3]
@@ -34,5 +34,5 @@ def test_stl_lies_in_the_organs_file_in_millimetres_and_gltf_in_metres(tmp_path)
 
 def test_nothing_mapped_is_no_file(tmp_path) -> None:
     record = planted_run(tmp_path, true=[((0.0, 0.0, 0.0), R)], mapped=[])
-    assert write_surfaces(record, find(record)) == []
+    assert write_surfaces(record, findings_of(record)) == []
     assert not (tmp_path / "surfaces").exists()

@@ -23,7 +23,7 @@ from sim.campaign.study import Trial
 from sim.campaign.tables import curve_arrays
 from sim.campaign.trial import run_trial
 from sim.cli.command_line import main
-from sim.findings.findings import find
+from sim.findings.results import findings_of
 from sim.findings.tables import finding_summary, write_finding_tables
 from sim.pictures.figures import AMBER, BLUE, PURPLE, TargetCurves, draw_precision_recall, draw_progress
 from sim.record.recording import read_recording
@@ -96,7 +96,7 @@ def test_planted_findings_of_both_classes_come_back(tmp_path) -> None:
     tumour, cyst = ((0.03, 0.0, 0.0), 0.012), ((-0.03, 0.0, 0.01), 0.009)
     record = planted_run(tmp_path, true=[tumour], mapped=[tumour])
     own = planted_run(tmp_path, true=[cyst], mapped=[cyst, ((0.0, 0.05, 0.0), 0.008)])
-    findings = find(dataclasses.replace(record, target=own))
+    findings = findings_of(dataclasses.replace(record, target=own))
     assert (findings.n_found, len(findings.false)) == (1, 0)
     assert (findings.target.n_found, len(findings.target.false)) == (1, 1)
     assert findings.target.tumours[0].overlap.dice > 0.9
@@ -104,7 +104,7 @@ def test_planted_findings_of_both_classes_come_back(tmp_path) -> None:
     (false,) = rows_of(tmp_path / "target_false_findings.csv")
     assert float(false["target_distance_m"]) > 0.0
     assert finding_summary(findings)["target"]["n_false_findings"] == 1
-    assert "target" not in finding_summary(find(record))
+    assert "target" not in finding_summary(findings_of(record))
 
 
 def test_a_folder_read_back_knows_the_second_class(run) -> None:
@@ -241,6 +241,13 @@ def test_a_campaign_keeps_its_curves_beside_rows_without_it(case, here, tmp_path
     # The area under the curve is between those of its steps at 50 levels of recall.
     levels = curves["target_precision"][1]
     assert abs(levels.mean() - float(rows[1]["target_auprc"])) < 0.02 + 1e-3
+    bodies = rows_of(tmp_path / "both" / "targets.csv")
+    assert [(row["scenario"], row["body"]) for row in bodies] == [(str(case), "1"), (str(case), "2")]
+    assert rows[0]["target_n_lesions"] == ""
+    assert int(rows[1]["target_n_lesions_found"]) == sum(row["is_found"] == "1" for row in bodies)
+    assert len(rows_of(tmp_path / "both" / "lesions.csv")) == int(rows[0]["n_lesions"]) + int(
+        rows[1]["n_lesions"]
+    )
 
 
 def test_a_campaign_of_tumours_alone_has_no_curves_of_it() -> None:

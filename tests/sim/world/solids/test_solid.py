@@ -141,3 +141,19 @@ def test_a_flat_solid_has_nothing_to_sample():
     sheet = Solid([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [0, 2, 1], [1, 3, 2], [1, 2, 3]])
     with pytest.raises(MeshError, match="no interior"):
         sheet.sample_inside(10, np.random.default_rng(0))
+
+
+def test_a_grid_asked_by_columns_lies_inside_where_its_points_do() -> None:
+    """Two balls that overlap, one of them inside out, so that winding numbers of 2, 1, 0 and -1 all come up."""
+    parts = [trimesh.creation.icosphere(subdivisions=2, radius=0.01) for _ in range(3)]
+    parts[1].apply_translation((0.008, 0.0, 0.004))
+    parts[2].apply_translation((-0.012, 0.001, 0.0))
+    parts[2].invert()
+    mesh = trimesh.util.concatenate(parts)
+    solid = Solid(mesh.vertices, mesh.faces)
+    x, z = np.linspace(-0.025, 0.025, 23), np.linspace(-0.015, 0.02, 31)
+    places = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = np.column_stack([np.repeat(places, len(z), axis=0), np.tile(z, len(places))])
+    by_points = solid.contains(points)
+    assert set(solid.winding(points).tolist()) >= {-1, 0, 1, 2}
+    assert np.array_equal(solid.contains_in_columns(places, z).ravel(), by_points)

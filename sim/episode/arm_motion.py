@@ -272,5 +272,6 @@ def make_motion_model(
         return PathMotion(positioner, paths, timer, settings, travel)
     servo = servo or ServoSettings()
     organ, is_panda = ContactSurface(setup.organ), is_embedded(setup.arm.path)
-    arm = ServoArm(setup.scene, search.chain, organ, servo, is_panda=is_panda)
+    face_radius_m = search.clearance.probe.face_radius_m
+    arm = ServoArm(setup.scene, chain, organ, servo, is_panda=is_panda, face_radius_m=face_radius_m)
     return ServoMotion(positioner, paths, timer, settings, travel, arm=arm, servo=servo)

@@ -18,6 +18,7 @@ from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, turned
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
 from sim.world.errors import MeshError
 from sim.world.ik.search import IkSearch
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.scene import build_scene
@@ -44,13 +45,14 @@ Turn = tuple[float, float, float]
 ANTERIOR_UP: Turn = (0.0, 0.0, 0.0)
 
 
-def best_turn_rad(organ: Solid, arm: ArmModel | None, cone: Cone) -> Turn:
+def best_turn_rad(organ: Solid, arm: ArmModel | None, cone: Cone, probe: ProbeModel = EMBEDDED) -> Turn:
     """The turn from anterior up with which the cones of poses within reach see most; no turn where none is better.
 
     Args:
         organ: The organ in patient axes [m].
         arm: The arm that is to reach it; None for a free-flying probe, which reaches all that faces up.
         cone: What the probe sees.
+        probe: The probe that the arm carries.
 
     Returns:
         Angles about the world's x, y and z [rad].
@@ -59,14 +61,14 @@ def best_turn_rad(organ: Solid, arm: ArmModel | None, cone: Cone) -> Turn:
     others = [(float(x), float(y), 0.0) for x, y in itertools.product(steps_rad, steps_rad)]
     turns = _distinct([ANTERIOR_UP, *others])
     points_m = organ.sample_inside(N_POINTS, np.random.default_rng(0))
-    shares = np.array([_seen_share(organ, turn, None, cone, points_m) for turn in turns])
+    shares = np.array([_seen_share(organ, turn, None, cone, points_m, probe) for turn in turns])
     if arm is None:
         return _clearly_best(turns, shares)
     ranked = [turns[index] for index in np.argsort(-shares, kind="stable")[:N_TRIED]]
     tried = [ANTERIOR_UP, *(turn for turn in ranked if turn != ANTERIOR_UP)]
     candidates = [(x, y, yaw) for x, y, _ in tried for yaw in (0.0, np.pi)]
     return _clearly_best(
-        candidates, np.array([_seen_share(organ, turn, arm, cone, points_m) for turn in candidates])
+        candidates, np.array([_seen_share(organ, turn, arm, cone, points_m, probe) for turn in candidates])
     )
 
 
@@ -89,7 +91,12 @@ def _distinct(turns: list[Turn]) -> list[Turn]:
 
 
 def _seen_share(
-    organ: Solid, turn: Turn, arm: ArmModel | None, cone: Cone, points_m: NDArray[np.float64]
+    organ: Solid,
+    turn: Turn,
+    arm: ArmModel | None,
+    cone: Cone,
+    points_m: NDArray[np.float64],
+    probe: ProbeModel,
 ) -> float:
     """The share of points in an organ that the cones of poses within reach see where it lies so.
 
@@ -99,13 +106,16 @@ def _seen_share(
         arm: The arm; None where all poses are reached.
         cone: What the probe sees.
         points_m: The points, patient axes [m], shape (M, 3).
+        probe: The probe that the arm carries.
     """
     placed = lay_on_table(organ, R_world_organ=turned(turn))
     try:
         surface = upper_surface_workspace(placed.organ, N_POSES, rng=np.random.default_rng(0))
     except MeshError:
         return 0.0
-    is_reached = np.ones(surface.n_poses, dtype=bool) if arm is None else _reached(placed, surface, arm, cone)
+    is_reached = np.ones(surface.n_poses, dtype=bool)
+    if arm is not None:
+        is_reached = _reached(placed, surface, arm, cone, probe)
     if not is_reached.any():
         return 0.0
     workspace = Workspace(surface.positions_m[is_reached], surface.normals[is_reached])
@@ -113,12 +123,14 @@ def _seen_share(
     return float(visible_points(workspace, cone, points_m @ T[:3, :3].T + T[:3, 3]).mean())
 
 
-def _reached(placed: PlacedOrgan, surface: SensingSurface, arm: ArmModel, cone: Cone) -> NDArray[np.bool_]:
+def _reached(
+    placed: PlacedOrgan, surface: SensingSurface, arm: ArmModel, cone: Cone, probe: ProbeModel
+) -> NDArray[np.bool_]:
     """Whether the arm reaches each pose, shape (N,), told by the nearest of those that it tries."""
     # Poses come in random order, so that the first ones lie all over the surface.
     positions_m, normals = surface.positions_m[:N_REACHED], surface.normals[:N_REACHED]
     anatomy = build_anatomy(placed.organ, name="candidate", rng=np.random.default_rng(0))
-    scene = build_scene(anatomy, cone, arm=arm)
+    scene = build_scene(anatomy, cone, arm=arm, probe=probe)
     search = IkSearch(scene, Clearance(scene, DistanceGrid.from_solid(placed.organ, margin_m=GRID_MARGIN_M)))
     answers = search.with_effort(max_restarts=RESTARTS).search(positions_m, normals)
     return np.asarray(answers.is_reached)[KDTree(positions_m).query(surface.positions_m)[1]]

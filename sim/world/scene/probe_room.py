@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from sim.world.arms.body_tree import bodies_above, joints_above
 from sim.world.frames import quaternion_matrix
 
-from .overlap import overlap_m
+from .overlap import depth_of_points_m, overlap_m
+from .probe_surface import in_body_m, strewn_points
 
 MOUNT = "mount"
 """The body that carries the arm's base, and whose pose in the world is where the arm stands."""
@@ -45,6 +46,8 @@ APART_M = 0.01
 ACROSS_COSINE, BACK_COSINE = 0.5, -0.5
 """A flange lies across where its +z is 60 to 120 degrees off the direction in which the arm leads to it, and looks back
 beyond that."""
+ALONG_Z = 1e-9
+"""An axis whose cosine with another misses 1 by no more than this lies along it."""
 ALONG_AXIS_COSINE = np.cos(np.deg2rad(30.0))
 """A last joint that turns about the beam, to this angle, leaves no doubt about a flange that lies across the arm."""
 
@@ -91,11 +94,19 @@ class ProbeRoom:
         probe = int(model.site_bodyid[self._tip])
         self._chain = joints_above(model, probe)
         self._carrier = int(model.body_weldid[probe])
+        self._body = probe
         before = int(model.body_weldid[model.body_parentid[self._carrier]])
         arm = colliding_geoms(model)
         self._probe = [geom for geom in arm if model.geom_bodyid[geom] == probe]
+        # A user's probe may have any shape; where it is not one that the mount can be cut off, points stand for it.
+        self._points_m = {
+            geom: strewn_points(model, geom) for geom in self._probe if not _is_lathed(model, geom)
+        }
+        self._points_beyond_m = {
+            geom: each[in_body_m(model, geom, each)[:, 2] >= MOUNT_M] for geom, each in self._points_m.items()
+        }
         # The part of the probe beyond its mount, which no link may hold.
-        self._beyond = _without_mount(model, self._probe, self._tip)
+        self._beyond = _without_mount(model, [geom for geom in self._probe if geom not in self._points_m])
         welds = {
             geom: int(model.body_weldid[model.geom_bodyid[geom]]) for geom in arm if geom not in self._probe
         }
@@ -149,9 +160,10 @@ class ProbeRoom:
         if apart is None:
             return None
         self._set(q)
-        way_m, beam = self._flange_m() - data.xanchor[apart], data.site_xmat[self._tip].reshape(3, 3)[:, 2]
-        cosine = float(way_m @ beam / max(float(np.linalg.norm(way_m)), APART_M))
-        is_along_axis = abs(float(data.xaxis[hinges[-1]] @ beam)) > ALONG_AXIS_COSINE
+        # The probe's body stands as the flange does; its tip may look elsewhere.
+        way_m, outward = self._flange_m() - data.xanchor[apart], data.xmat[self._body].reshape(3, 3)[:, 2]
+        cosine = float(way_m @ outward / max(float(np.linalg.norm(way_m)), APART_M))
+        is_along_axis = abs(float(data.xaxis[hinges[-1]] @ outward)) > ALONG_AXIS_COSINE
         if cosine >= ACROSS_COSINE or (cosine > BACK_COSINE and is_along_axis):
             return None
         looks = "looks back into the arm" if cosine <= BACK_COSINE else "lies across the arm"
@@ -200,8 +212,15 @@ class ProbeRoom:
     def _depth_m(self, model: mujoco.MjModel, probe: list[int], geom: int) -> float:
         """How deep the present configuration has the probe in a geom [m]; its mount is left out with that model."""
         mujoco.mj_kinematics(model, self._data)
+        strewn_m = self._points_beyond_m if model is self._beyond else self._points_m
         return max(
-            (overlap_m(model, self._data, each, geom) for each in probe if model.geom_size[each, 0] > 0.0),
+            (
+                depth_of_points_m(model, self._data, each, strewn_m[each], geom)
+                if each in strewn_m
+                else overlap_m(model, self._data, each, geom)
+                for each in probe
+                if each in strewn_m or model.geom_size[each, 0] > 0.0
+            ),
             default=0.0,
         )
 
@@ -233,16 +252,31 @@ def colliding_geoms(model: mujoco.MjModel) -> list[int]:
     ]
 
 
-def _without_mount(model: mujoco.MjModel, probe: list[int], tip: int) -> mujoco.MjModel:
-    """A copy of a scene whose probe begins `MOUNT_M` from the flange; geoms that end before have no size."""
+def _is_lathed(model: mujoco.MjModel, geom: int) -> bool:
+    """Whether one of the probe's geoms is a sphere, or a capsule or cylinder along the flange's z."""
+    kind = int(model.geom_type[geom])
+    is_along = abs(float(quaternion_matrix(model.geom_quat[geom])[2, 2])) > 1.0 - ALONG_Z
+    return kind == int(mujoco.mjtGeom.mjGEOM_SPHERE) or (
+        is_along and kind in (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
+    )
+
+
+def _without_mount(model: mujoco.MjModel, probe: list[int]) -> mujoco.MjModel:
+    """A copy of a scene whose probe begins `MOUNT_M` from the flange; geoms that end before have no size.
+
+    Its geoms are lathed; see `_is_lathed`.
+    """
     cut = copy.copy(model)
-    beam = quaternion_matrix(model.site_quat[tip])[:, 2]
+    outward = np.array([0.0, 0.0, 1.0])
     for geom in probe:
         # Where a geom lies is then taken from its own numbers, and not from a body's frame that it shared.
         cut.geom_sameframe[geom] = 0
         is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
         is_cylinder = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
-        along_m, cap_m = float(model.geom_pos[geom] @ beam), 0.0 if is_cylinder else model.geom_size[geom, 0]
+        along_m, cap_m = (
+            float(model.geom_pos[geom] @ outward),
+            0.0 if is_cylinder else model.geom_size[geom, 0],
+        )
         half_m = cap_m + (model.geom_size[geom, 1] if is_capsule or is_cylinder else 0.0)
         end_m = along_m + half_m
         if end_m - 2.0 * half_m >= MOUNT_M:
@@ -252,5 +286,5 @@ def _without_mount(model: mujoco.MjModel, probe: list[int], tip: int) -> mujoco.
             cut.geom_size[geom] = 0.0
             continue
         cut.geom_size[geom, 1] = left_m
-        cut.geom_pos[geom] += (end_m - cap_m - left_m - along_m) * beam
+        cut.geom_pos[geom] += (end_m - cap_m - left_m - along_m) * outward
     return cut

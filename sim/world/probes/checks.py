@@ -17,6 +17,8 @@ MAX_NAMED = 4
 """Most joints that a message names."""
 LEAST_EXTENT_M, MOST_EXTENT_M = 0.01, 1.0
 """Shortest and longest box from the mount to the farthest point of a probe, by its longest side [m]."""
+BEHIND_M = 0.05
+"""A clamp may hold the arm's end from this far behind the mount [m]."""
 SKIN_M = 1e-3
 """A tip may lie this deep in the probe [m]: a face that is modelled soft, or drawn roughly."""
 BESIDE_M = 1e-4 * np.array([[1.0, 0.3, 0.0], [-0.7, 0.8, 0.0], [-0.4, -0.9, 0.0]])
@@ -49,8 +51,8 @@ def check_rigid(model: mujoco.MjModel, path: Path) -> None:
         raise ProbeError(f"{path}: has {what}, so nothing of it could touch. Add the probe's shape as geoms.")
 
 
-def check_extent(model: mujoco.MjModel, data: mujoco.MjData, tip: Shape, path: Path) -> None:
-    """Nothing, if a probe has the size of a thing that an arm can carry.
+def check_extent(model: mujoco.MjModel, data: mujoco.MjData, tip: Shape, path: Path) -> list[str]:
+    """What is unusual about the place of a probe, a sentence each; it has the size of a thing that an arm can carry.
 
     Raises:
         ProbeError: It is as large as if it were in millimetres, or as small as if it had been scaled twice.
@@ -63,6 +65,7 @@ def check_extent(model: mujoco.MjModel, data: mujoco.MjData, tip: Shape, path: P
         points_m += [at_m - reach_m, at_m + reach_m]
     if not np.isfinite(points_m).all():
         raise ProbeError(f"{path}: a position or a size in it is no number (NaN or infinite). Mend it.")
+    low_m = float(np.min(points_m, axis=0)[2])
     extent_m = float(np.ptp(points_m, axis=0).max())
     if extent_m > MOST_EXTENT_M:
         raise ProbeError(
@@ -75,6 +78,12 @@ def check_extent(model: mujoco.MjModel, data: mujoco.MjData, tip: Shape, path: P
             f"{path}: the probe is {extent_m * 1e3:.2g} mm long, at least {LEAST_EXTENT_M * 1e3:g} mm are needed. MJCF "
             "is in metres; was it scaled twice?"
         )
+    if low_m >= -BEHIND_M:
+        return []
+    return [
+        f"the probe reaches {-low_m * 1e3:.0f} mm behind its mount, where the arm is. The file's origin lies on the "
+        "flange, and its +z points away from the arm; turn or move the probe in the file if that is not meant."
+    ]
 
 
 def check_tip(model: mujoco.MjModel, data: mujoco.MjData, tip: Shape, path: Path) -> list[str]:

@@ -53,8 +53,7 @@ def load_probe(path: Path) -> RigidProbe:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         tip = _tip(model, data, path)
-        check_extent(model, data, tip, path)
-        remarks = check_tip(model, data, tip, path)
+        remarks = check_extent(model, data, tip, path) + check_tip(model, data, tip, path)
     notices = [f"{path.name}: {text}" for text in (*(f"MuJoCo says: {text}." for text in said), *remarks)]
     return RigidProbe(
         geoms=_geoms(model, data),

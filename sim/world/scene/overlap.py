@@ -60,7 +60,7 @@ def depth_of_points_m(
         points_m: The points in its frame [m], shape (N, 3).
         geom: The id of a geom of any kind but a plane or a height field.
     """
-    if not len(points_m) or mujoco.mj_geomDistance(model, data, geom_with_points, geom, FAR_M, None) >= 0.0:
+    if not len(points_m):
         return 0.0
     R_own, R_other = (data.geom_xmat[each].reshape(3, 3) for each in (geom_with_points, geom))
     world_m = data.geom_xpos[geom_with_points] + points_m @ R_own.T

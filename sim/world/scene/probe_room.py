@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from sim.world.arms.body_tree import bodies_above, joints_above
 from sim.world.frames import quaternion_matrix
 
-from .overlap import depth_of_points_m, overlap_m
+from .overlap import FAR_M, depth_of_points_m, overlap_m
 from .probe_surface import in_body_m, strewn_points
 
 MOUNT = "mount"
@@ -105,6 +105,7 @@ class ProbeRoom:
         self._points_beyond_m = {
             geom: each[in_body_m(model, geom, each)[:, 2] >= MOUNT_M] for geom, each in self._points_m.items()
         }
+        self._others_m: dict[int, NDArray[np.float64]] = {}
         # The part of the probe beyond its mount, which no link may hold.
         self._beyond = _without_mount(model, [geom for geom in self._probe if geom not in self._points_m])
         welds = {
@@ -212,16 +213,33 @@ class ProbeRoom:
     def _depth_m(self, model: mujoco.MjModel, probe: list[int], geom: int) -> float:
         """How deep the present configuration has the probe in a geom [m]; its mount is left out with that model."""
         mujoco.mj_kinematics(model, self._data)
-        strewn_m = self._points_beyond_m if model is self._beyond else self._points_m
         return max(
             (
-                depth_of_points_m(model, self._data, each, strewn_m[each], geom)
-                if each in strewn_m
+                self._strewn_depth_m(each, geom, is_beyond=model is self._beyond)
+                if each in self._points_m
                 else overlap_m(model, self._data, each, geom)
                 for each in probe
-                if each in strewn_m or model.geom_size[each, 0] > 0.0
+                if each in self._points_m or model.geom_size[each, 0] > 0.0
             ),
             default=0.0,
+        )
+
+    def _strewn_depth_m(self, probe: int, geom: int, *, is_beyond: bool) -> float:
+        """How deep a geom of the probe and another one stand in each other [m], by the points that stand for both."""
+        model, data = self._model, self._data
+        if mujoco.mj_geomDistance(model, data, probe, geom, FAR_M, None) >= 0.0:
+            return 0.0
+        points_m = self._points_beyond_m if is_beyond else self._points_m
+        if geom not in self._others_m:
+            self._others_m[geom] = strewn_points(model, geom)
+        others_m = self._others_m[geom]
+        if is_beyond:
+            world_m = data.geom_xpos[geom] + others_m @ data.geom_xmat[geom].reshape(3, 3).T
+            in_flange_m = (world_m - data.xpos[self._body]) @ data.xmat[self._body].reshape(3, 3)
+            others_m = others_m[in_flange_m[:, 2] >= MOUNT_M]
+        return max(
+            depth_of_points_m(model, data, probe, points_m[probe], geom),
+            depth_of_points_m(model, data, geom, others_m, probe),
         )
 
     def _flange_m(self) -> NDArray[np.float64]:

@@ -14,7 +14,6 @@ link before, but not in what has joints of its own.
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -24,19 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.arms.body_tree import bodies_above, joints_above
-from sim.world.frames import quaternion_matrix
 
 from .overlap import FAR_M, depth_of_points_m, overlap_m
-from .probe_surface import in_body_m, strewn_points
+from .probe_surface import MOUNT_M, in_body_m, is_lathed, strewn_points, without_mount
 
 MOUNT = "mount"
 """The body that carries the arm's base, and whose pose in the world is where the arm stands."""
 PROBE = "probe_probe"
 """The probe's body, which hangs from the world where no arm carries it."""
 BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-MOUNT_M = 0.05
-"""This much of the probe, from the flange on, may stand in the link that carries it [m]: crude arms end in a ball about
-the flange, and half of a clamp of 34 mm radius may be countersunk."""
 LEAST_OVERLAP_M = 5e-4
 """Less than this is a matter of how shapes were rounded [m]."""
 N_CONFIGURATIONS = 64
@@ -46,8 +41,6 @@ APART_M = 0.01
 ACROSS_COSINE, BACK_COSINE = 0.5, -0.5
 """A flange lies across where its +z is 60 to 120 degrees off the direction in which the arm leads to it, and looks back
 beyond that."""
-ALONG_Z = 1e-9
-"""An axis whose cosine with another misses 1 by no more than this lies along it."""
 ALONG_AXIS_COSINE = np.cos(np.deg2rad(30.0))
 """A last joint that turns about the beam, to this angle, leaves no doubt about a flange that lies across the arm."""
 
@@ -100,14 +93,14 @@ class ProbeRoom:
         self._probe = [geom for geom in arm if model.geom_bodyid[geom] == probe]
         # A user's probe may have any shape; where it is not one that the mount can be cut off, points stand for it.
         self._points_m = {
-            geom: strewn_points(model, geom) for geom in self._probe if not _is_lathed(model, geom)
+            geom: strewn_points(model, geom) for geom in self._probe if not is_lathed(model, geom)
         }
         self._points_beyond_m = {
             geom: each[in_body_m(model, geom, each)[:, 2] >= MOUNT_M] for geom, each in self._points_m.items()
         }
         self._others_m: dict[int, NDArray[np.float64]] = {}
         # The part of the probe beyond its mount, which no link may hold.
-        self._beyond = _without_mount(model, [geom for geom in self._probe if geom not in self._points_m])
+        self._beyond = without_mount(model, [geom for geom in self._probe if geom not in self._points_m])
         welds = {
             geom: int(model.body_weldid[model.geom_bodyid[geom]]) for geom in arm if geom not in self._probe
         }
@@ -268,41 +261,3 @@ def colliding_geoms(model: mujoco.MjModel) -> list[int]:
         and int(model.geom_type[geom]) not in endless
         and not set(tops).isdisjoint(bodies_above(model, int(model.geom_bodyid[geom])))
     ]
-
-
-def _is_lathed(model: mujoco.MjModel, geom: int) -> bool:
-    """Whether one of the probe's geoms is a sphere, or a capsule or cylinder along the flange's z."""
-    kind = int(model.geom_type[geom])
-    is_along = abs(float(quaternion_matrix(model.geom_quat[geom])[2, 2])) > 1.0 - ALONG_Z
-    return kind == int(mujoco.mjtGeom.mjGEOM_SPHERE) or (
-        is_along and kind in (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
-    )
-
-
-def _without_mount(model: mujoco.MjModel, probe: list[int]) -> mujoco.MjModel:
-    """A copy of a scene whose probe begins `MOUNT_M` from the flange; geoms that end before have no size.
-
-    Its geoms are lathed; see `_is_lathed`.
-    """
-    cut = copy.copy(model)
-    outward = np.array([0.0, 0.0, 1.0])
-    for geom in probe:
-        # Where a geom lies is then taken from its own numbers, and not from a body's frame that it shared.
-        cut.geom_sameframe[geom] = 0
-        is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
-        is_cylinder = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
-        along_m, cap_m = (
-            float(model.geom_pos[geom] @ outward),
-            0.0 if is_cylinder else model.geom_size[geom, 0],
-        )
-        half_m = cap_m + (model.geom_size[geom, 1] if is_capsule or is_cylinder else 0.0)
-        end_m = along_m + half_m
-        if end_m - 2.0 * half_m >= MOUNT_M:
-            continue
-        left_m = (end_m - MOUNT_M) / 2.0 - cap_m
-        if left_m <= 0.0:
-            cut.geom_size[geom] = 0.0
-            continue
-        cut.geom_size[geom, 1] = left_m
-        cut.geom_pos[geom] += (end_m - cap_m - left_m - along_m) * outward
-    return cut

@@ -1,10 +1,12 @@
-"""The probe's surface: the points that stand for it, what of it is the face, and how it lies about its beam.
+"""The probe's surface: the points that stand for it, its face, its mount, and how it lies about its beam.
 
 The face is the part that may touch the organ: what lies in the site `face`, or all of the geom `face`, or, where a
 probe has neither, what is within `FACE_RADIUS_M` of the tip.
 """
 
 from __future__ import annotations
+
+import copy
 
 import mujoco
 import numpy as np
@@ -31,6 +33,11 @@ COVER_M = SURFACE_SPACING_M / np.sqrt(3.0) + CELL_M * np.sqrt(3.0)
 """No point of a surface is farther than this from one of those that stand for it [m]."""
 LEAST_SIZE_M = 1e-9
 """An ellipsoid thinner than this is taken for as thin as this [m]."""
+MOUNT_M = 0.05
+"""This much of the probe, from the flange on, may stand in the link that carries it [m]: crude arms end in a ball about
+the flange, and half of a clamp of 34 mm radius may be countersunk."""
+ALONG_Z = 1e-9
+"""An axis whose cosine with the flange's z misses 1 by no more than this lies along it."""
 ROUND_M = 1e-6
 """What lies this near to the beam lies on it [m]."""
 
@@ -197,3 +204,41 @@ def _even_directions(n: int) -> NDArray[np.float64]:
     turn = np.pi * (1.0 + np.sqrt(5.0)) * i
     ring = np.sqrt(1.0 - z**2)
     return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+
+
+def is_lathed(model: mujoco.MjModel, geom: int) -> bool:
+    """Whether one of the probe's geoms is a sphere, or a capsule or cylinder along the flange's z."""
+    kind = int(model.geom_type[geom])
+    is_along = abs(float(quaternion_matrix(model.geom_quat[geom])[2, 2])) > 1.0 - ALONG_Z
+    return kind == int(mujoco.mjtGeom.mjGEOM_SPHERE) or (
+        is_along and kind in (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER))
+    )
+
+
+def without_mount(model: mujoco.MjModel, probe: list[int]) -> mujoco.MjModel:
+    """A copy of a scene whose probe begins `MOUNT_M` from the flange; geoms that end before have no size.
+
+    Its geoms are lathed; see `is_lathed`.
+    """
+    cut = copy.copy(model)
+    outward = np.array([0.0, 0.0, 1.0])
+    for geom in probe:
+        # Where a geom lies is then taken from its own numbers, and not from a body's frame that it shared.
+        cut.geom_sameframe[geom] = 0
+        is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
+        is_cylinder = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
+        along_m, cap_m = (
+            float(model.geom_pos[geom] @ outward),
+            0.0 if is_cylinder else model.geom_size[geom, 0],
+        )
+        half_m = cap_m + (model.geom_size[geom, 1] if is_capsule or is_cylinder else 0.0)
+        end_m = along_m + half_m
+        if end_m - 2.0 * half_m >= MOUNT_M:
+            continue
+        left_m = (end_m - MOUNT_M) / 2.0 - cap_m
+        if left_m <= 0.0:
+            cut.geom_size[geom] = 0.0
+            continue
+        cut.geom_size[geom, 1] = left_m
+        cut.geom_pos[geom] += (end_m - cap_m - left_m - along_m) * outward
+    return cut

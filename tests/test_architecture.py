@@ -19,6 +19,7 @@ ROOMS = (
     "sim.world.volumes",
     "sim.world.anatomy",
     "sim.world.arms",
+    "sim.world.probes",
     "sim.world.scene",
     "sim.world.camera",
     "sim.world.ik",

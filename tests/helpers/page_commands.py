@@ -50,6 +50,7 @@ CLONED = (
 BLOCK_FILES = {
     "arm.md": "post.xml",
     "plugs.md": "study.toml",
+    "probe.md": "bent.xml",
     "reach.md": "gantry.xml",
     "scenario.md": "case.toml",
     "trials.md": "study.toml",

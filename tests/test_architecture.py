@@ -33,6 +33,7 @@ ROOMS = (
     "sim.reach",
     "sim.running",
     "sim.campaign",
+    "sim.bound",
     "sim.comparison",
     "sim.doctor",
     "sim.cli",
@@ -43,6 +44,7 @@ WITHIN = {
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",
+    "sim.cli.studies": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""

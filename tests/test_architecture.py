@@ -44,6 +44,7 @@ WITHIN = {
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",
+    "sim.bound.check": "sim.bound",
     "sim.cli.studies": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
 }

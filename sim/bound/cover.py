@@ -92,12 +92,13 @@ def whole_bound(value: float) -> int:
     return max(0, math.ceil(value - ROUNDING))
 
 
-def cover_bound(sees: NDArray[np.bool_], need: int) -> CoverBound | None:
+def cover_bound(sees: NDArray[np.bool_], need: int, *, is_exact: bool = True) -> CoverBound | None:
     """The fewest poses whose cones hold enough points; None where all cones together hold too few.
 
     Args:
         sees: Which pose's cone holds which point, shape (N, M).
         need: Points needed, from 1 to M.
+        is_exact: Whether the integer program is solved too, and not the relaxation alone.
     """
     if int(sees.any(axis=0).sum()) < need:
         return None
@@ -108,7 +109,7 @@ def cover_bound(sees: NDArray[np.bool_], need: int) -> CoverBound | None:
     value, dearest = dual_value(sees, need, point_prices, worth)
     point_prices, worth = point_prices / max(dearest, 1.0), worth / max(dearest, 1.0)
     least = solver_least = whole_bound(value)
-    if least < len(chosen):
+    if is_exact and least < len(chosen):
         better, said = _integer_program(rows, counts, need)
         solver_least = max(least, said)
         chosen = better if better and len(better) < len(chosen) else chosen

@@ -22,9 +22,9 @@ from .hindsight import SeedBound
 from .poses import StandingPoses
 
 FORMAT = 1
-BOUND, SEEDS, POSES, POLICY = "bound.json", "seeds.csv", "poses.npz", "policy.npz"
+BOUND, SEEDS, POSES = "bound.json", "seeds.csv", "poses.npz"
 SEED_FOLDER = "seeds"
-QUESTION = ("options", "goal")
+QUESTION = ("options", "goal", "n_places", "first_place")
 """Parts of bound.json that say what was asked, besides the seeds."""
 
 
@@ -39,10 +39,7 @@ class BoundFolder(LockedFolder):
         """
         super().__init__(path, what="bound", overwrite=False, marker=BOUND)
         if overwrite:
-            for file in (
-                *(path / SEED_FOLDER).glob("*.npz"),
-                *(path / n for n in (BOUND, SEEDS, POSES, POLICY)),
-            ):
+            for file in (*path.glob("*/*.npz"), *path.glob("*.npz"), path / SEEDS, path / BOUND):
                 file.unlink(missing_ok=True)
 
     def begin(self, question: Mapping[str, Any]) -> None:

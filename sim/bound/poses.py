@@ -32,6 +32,14 @@ class StandingPoses:
         """The number of poses that are reached."""
         return len(self.pose)
 
+    def part(self, rows: NDArray[np.intp]) -> StandingPoses:
+        """Some of the poses.
+
+        Args:
+            rows: Which, as rows of these arrays.
+        """
+        return StandingPoses(pose=self.pose[rows], apex_m=self.apex_m[rows], axis=self.axis[rows])
+
     def sees(self, cone: Cone, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Which pose's cone holds which point, shape (N, M).
 

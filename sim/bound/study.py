@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
@@ -20,10 +23,14 @@ from sim.record.run_folder import describe_machine
 from sim.running.config import EpisodeConfig
 from sim.running.fields import changed, recorded
 
-from .folder import BoundFolder, read_seed
+from .folder import BoundFolder, read_seed, write_arrays
 from .hindsight import SeedBound, SeedWork
+from .places import Place, PlaceWork
+from .policy_files import POLICY, block_file, blocks, read_block, write_block
+from .policy_study import FIRST_PLACE, need_of_one, policy_bound, policy_summary, reason_against
+from .search import MOST_ACTIONS, Coverage, coverage_weights
 from .stage import Stage
-from .summary import hindsight_summary
+from .summary import fewest_of, hindsight_summary
 
 Result = TypeVar("Result")
 NOTICE = "stopping: what was found is kept, and the next call goes on from there; Ctrl-C again stops at once."
@@ -35,6 +42,8 @@ class BoundSettings:
 
     seeds: tuple[int, ...]
     """Seeds whose hindsight optimum is found."""
+    n_places: int = 1000
+    """Places of a tumour from which a bound on every policy is made, drawn anew; 0 for no such bound."""
     n_jobs: int = 2
     """Processes that share the work; the answers do not depend on it."""
     overwrite: bool = False
@@ -52,6 +61,8 @@ def question_of(config: EpisodeConfig, settings: BoundSettings) -> dict[str, Any
                 "options": {name: value for name, value in options.items() if name != "seed"},
                 "case": case,
                 "goal": SENSED_GOAL,
+                "n_places": settings.n_places,
+                "first_place": FIRST_PLACE,
                 "seeds": seeds_text(settings.seeds),
             },
             default=str,
@@ -119,7 +130,12 @@ class _Study:
             self._find_poses(seed)
         bounds = self._hindsight()
         self._folder.write_table(bounds)
-        return {"hindsight": hindsight_summary(bounds)}
+        answer: dict[str, Any] = {"hindsight": hindsight_summary(bounds), "policy": None, "no_policy": None}
+        if self._settings.n_places:
+            answer["no_policy"] = reason_against(self._stage, seed)
+            if answer["no_policy"] is None:
+                answer["policy"] = self._policy(seed, bounds)
+        return answer
 
     def _find_poses(self, seed: int) -> None:
         n_poses = self._stage.setup(seed).workspace.n_poses
@@ -145,6 +161,41 @@ class _Study:
                 self._folder.write_seed(bound)
                 bounds[bound.seed] = bound
         return [bounds[seed] for seed in self._settings.seeds]
+
+    def _policy(self, seed: int, bounds: Sequence[SeedBound]) -> dict[str, Any]:
+        """The bound on every policy: places are drawn, and weights found for each number of actions."""
+        places = self._places()
+        coverage = Coverage.of(places, self._stage.poses(seed).n_poses)
+        weights: list[NDArray[np.float64]] = []
+        with self._bar("actions", MOST_ACTIONS, unit="action") as progress:
+            for each in self._counted(coverage_weights(coverage), progress):
+                weights.append(each)
+        write_arrays(self._folder.path / POLICY, {"weights": np.array(weights, dtype=np.float32)})
+        bound = policy_bound(
+            places,
+            weights,
+            lambda index, values: coverage.within[index].T @ values,
+            self._stage.scenario(seed),
+            fewest_of(bounds),
+        )
+        return policy_summary(bound)
+
+    def _places(self) -> list[Place]:
+        """All places; the blocks that are there are kept."""
+        n_places, path = self._settings.n_places, self._folder.path
+        every = blocks(FIRST_PLACE, n_places)
+        missing = [block for block in every if not block_file(path, block).is_file()]
+        n_missing = sum(map(len, missing))
+        scenario = self._stage.scenario(0)
+        work = PlaceWork(self._stage.planting(1), need_of_one(scenario.n_tumours))
+        with (
+            shared_map(work, n_jobs=min(self._settings.n_jobs, n_missing)) as share,
+            self._bar("places", n_places, unit="place", done=n_places - n_missing) as progress,
+        ):
+            drawn = iter(self._counted(share([seed for block in missing for seed in block]), progress))
+            for block in missing:
+                write_block(block_file(path, block), list(itertools.islice(drawn, len(block))))
+        return [place for block in every for place in read_block(block_file(path, block))]
 
     def _counted(self, results: Iterable[Result], progress: tqdm[Any]) -> Iterable[Result]:
         """Results as they come; each has been taken by the time the bar moves on."""

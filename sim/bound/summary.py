@@ -24,10 +24,16 @@ def hindsight_summary(bounds: Sequence[SeedBound]) -> dict[str, Any]:
     }
 
 
+def fewest_of(bounds: Sequence[SeedBound]) -> list[int | None]:
+    """The proven hindsight optimum of each seed; None where no poses are enough."""
+    return [None if bound.cover is None else bound.cover.least for bound in bounds]
+
+
 def bound_text(content: Mapping[str, Any]) -> str:
     """What bound.json says, for a terminal."""
     head = f"{content['case']['scenario']}, arm {content['case']['arm']}"
-    return "\n".join([head, "-" * len(head), *_hindsight_lines(content["hindsight"])])
+    lines = [*_hindsight_lines(content["hindsight"]), "", *_policy_lines(content)]
+    return "\n".join([head, "-" * len(head), *lines]).rstrip()
 
 
 def _hindsight_lines(found: Mapping[str, Any]) -> list[str]:
@@ -44,4 +50,26 @@ def _hindsight_lines(found: Mapping[str, Any]) -> list[str]:
         ]
     if found["n_impossible"]:
         lines.append(f"seeds of which no poses sense enough         {found['n_impossible']}")
+    return lines
+
+
+def _policy_lines(content: Mapping[str, Any]) -> list[str]:
+    policy = content["policy"]
+    if policy is None:
+        return [f"no bound on every policy: {content['no_policy']}"] if content["no_policy"] else []
+    kinds = [
+        ("generator", "tumours as the scenario plants them"),
+        ("independent", "tumours in independent places"),
+    ]
+    if policy["n_tumours"] == 1:
+        kinds = kinds[:1]
+    lines = [f"fewest actions of any policy, in the mean; {policy['n_places']} places were drawn"]
+    for name, meaning in kinds:
+        if name in policy:
+            own = policy[name]
+            lines.append(
+                f"  {meaning:<36}  {own['least_mean']:.2f}, with 95 % confidence at least {own['least_mean_95']:.2f}"
+            )
+    if not policy["is_of_the_generator"]:
+        lines.append("  the scenario keeps tumours apart, about which nothing is proven")
     return lines

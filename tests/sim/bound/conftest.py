@@ -22,8 +22,17 @@ def small_world(tmp_path_factory):
 def small_bound(small_world, tmp_path_factory):
     """The folder of a bound on that world."""
     out = tmp_path_factory.mktemp("bound") / "small"
-    assert (
-        main(["bound", "--scenario", str(small_world), "--seeds", "0:3", "--jobs", "1", "--out", str(out)])
-        == 0
-    )
+    words = [
+        "--scenario",
+        str(small_world),
+        "--seeds",
+        "0:3",
+        "--places",
+        "20",
+        "--jobs",
+        "1",
+        "--out",
+        str(out),
+    ]
+    assert main(["bound", *words]) == 0
     return out

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from planner import visibility
-from sim.bound.checking import DoesNotHoldError, check_bound
+from sim.bound.check.checking import check_bound
+from sim.bound.check.proof import DoesNotHoldError
 from sim.bound.stage import Stage
 from sim.cli.command_line import main
 from sim.episode.episode import Episode
@@ -23,7 +24,8 @@ def files_of(folder):
 
 
 def bound(world, out, *words):
-    return main(["bound", "--scenario", str(world), "--jobs", "1", "--out", str(out), *words])
+    more = [] if "--places" in words else ["--places", "20"]
+    return main(["bound", "--scenario", str(world), "--jobs", "1", "--out", str(out), *more, *words])
 
 
 def rows(folder):
@@ -62,6 +64,7 @@ def test_the_certificate_is_verified(small_bound, capsys):
     assert main(["bound", "--check", str(small_bound), "--jobs", "1"]) == 0
     told = capsys.readouterr().out
     assert "verified: 3 seeds" in told
+    assert "verified: 20 places" in told
 
 
 def test_two_processes_write_the_same_certificate(small_world, small_bound, tmp_path):
@@ -71,6 +74,8 @@ def test_two_processes_write_the_same_certificate(small_world, small_bound, tmp_
         str(small_world),
         "--seeds",
         "0:3",
+        "--places",
+        "20",
         "--jobs",
         "2",
         "--out",
@@ -106,6 +111,11 @@ def tampered(folder, name, **changes):
         ("seeds/000001.npz", "chosen", lambda each: each[:0], "the chosen poses"),
         ("seeds/000001.npz", "chosen", lambda each: each + 1000, "is not reached"),
         ("seeds/000001.npz", "seed", lambda each: each + 1, "its file is that of seed 2"),
+        ("places/1000000-1000019.npz", "fewest", lambda each: each + 1, "is what is proven"),
+        ("places/1000000-1000019.npz", "middle_m", lambda each: each + 1e-3, "not where it is said to be"),
+        ("places/1000000-1000019.npz", "seed", lambda each: each + 1, "its place is that of seed 1000001"),
+        ("policy.npz", "weights", lambda each: each * 0.9, "and"),
+        ("policy.npz", "weights", lambda each: each + 0.5, "a number from 0 to 1"),
         ("poses.npz", "apex_m", lambda each: each + 1e-4, "its apex_m"),
     ],
 )
@@ -131,6 +141,42 @@ def test_a_tampered_summary_is_caught(small_bound, tmp_path, old, new):
         check_bound(folder, n_jobs=1, show_progress=False)
 
 
+def test_a_pose_that_is_left_out_of_a_place_is_caught(small_bound, tmp_path):
+    folder = shutil.copytree(small_bound, tmp_path / "copy")
+    name = "places/1000000-1000019.npz"
+    with np.load(folder / name) as file:
+        n_first = int(file["n_poses"][0])
+    assert n_first > 1
+    changes = {key: lambda each: np.delete(each, 1) for key in ("poses", "fewest")}
+    tampered(folder, name, **changes, n_poses=lambda each: each - (np.arange(len(each)) == 0))
+    with pytest.raises(DoesNotHoldError, match="place 1000000: row .* is left out"):
+        check_bound(folder, n_jobs=1, show_progress=False)
+
+
+@pytest.mark.parametrize("name", ["least_mean_95"])
+def test_a_tampered_mean_is_caught(small_bound, tmp_path, name):
+    folder = shutil.copytree(small_bound, tmp_path / "copy")
+    content = json.loads((folder / "bound.json").read_text())
+    content["policy"]["generator"][name] += 0.1
+    (folder / "bound.json").write_text(json.dumps(content))
+    with pytest.raises(DoesNotHoldError, match=f"policy generator {name} is"):
+        check_bound(folder, n_jobs=1, show_progress=False)
+
+
+def test_a_random_order_takes_at_least_what_the_bound_says(small_bound, small_world):
+    """A sanity check by simulation: 40 orders in this world, none of which is in the sample."""
+    mean = json.loads((small_bound / "bound.json").read_text())["policy"]["generator"]["least_mean"]
+    stage = Stage(config_of(scenario=str(small_world), arm="none"))
+    setup, rng = stage.setup(0), np.random.default_rng(0)
+    needed = []
+    for seed in range(40):
+        points_m = stage.truth(seed).anatomy.detection_points_m
+        sees = visibility(setup.workspace, setup.cone, points_m).T[rng.permutation(setup.workspace.n_poses)]
+        share = np.logical_or.accumulate(sees, axis=0).mean(axis=1)
+        needed.append(1 + int(np.argmax(share >= 0.95)) if share[-1] >= 0.95 else len(share))
+    assert 1.0 < mean < np.mean(needed)
+
+
 def test_a_tampered_table_is_caught(small_bound, tmp_path):
     folder = shutil.copytree(small_bound, tmp_path / "copy")
     lines = (folder / "seeds.csv").read_text().splitlines()
@@ -154,6 +200,7 @@ def test_a_folder_goes_on_with_more_seeds_and_keeps_what_it_has(small_world, sma
     ("words", "text"),
     [
         (["--seeds", "5:2"], "the end must lie above the first"),
+        (["--places", "5"], "--places 5: must be from 10 to 100000, or 0"),
         (["--jobs", "0"], "--jobs 0: must be from 1 to 256"),
         (["--scenario", "spheer"], "spheer"),
         (["--check", "nowhere"], "holds no bound"),
@@ -169,7 +216,7 @@ def test_bad_options_are_one_clear_line(tmp_path, monkeypatch, capsys, words, te
 
 def test_another_question_is_refused_and_replaced_when_asked(small_world, small_bound, tmp_path, capsys):
     folder = shutil.copytree(small_bound, tmp_path / "copy")
-    more = ["--n-tumours", "2", "--seeds", "0:1"]
+    more = ["--n-tumours", "2", "--seeds", "0:1", "--places", "0"]
     assert bound(small_world, folder, *more) == 2
     assert "holds another bound" in capsys.readouterr().err
     assert bound(small_world, folder, *more, "--overwrite") == 0

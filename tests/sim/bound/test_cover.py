@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim.bound.checking import DoesNotHoldError, proven_value
+from sim.bound.check.proof import DoesNotHoldError, proven_value
 from sim.bound.cover import cover_bound, dual_value, points_needed
 
 

@@ -24,31 +24,19 @@ from sim.reach.pose_pool import shared_map
 from sim.running.fields import config_of
 from sim.tables import read_rows, table_cell
 
-from .folder import POSES, SEEDS, read_arrays, read_bound, read_seed, seed_row
-from .hindsight import SeedBound
+from ..folder import POSES, SEEDS, read_arrays, read_bound, read_seed, seed_row
+from ..hindsight import SeedBound
+from ..policy_files import block_file, blocks, read_block
+from ..policy_study import need_of_one, reason_against
+from ..poses import StandingPoses
+from ..stage import Stage
+from ..summary import fewest_of, hindsight_summary
 from .plain_cones import held_points
-from .poses import StandingPoses
-from .stage import Stage
-from .summary import hindsight_summary
+from .policy_checking import BlockCheck, check_policy
+from .proof import SLACK, DoesNotHoldError, proven_value, require
 
 SAME_M = 1e-9
 """Poses that differ by less are the same [m, or parts of a unit vector]."""
-SLACK = 1e-6
-"""What a bound may lack to a whole number, and sums may differ by, through rounding."""
-
-
-class DoesNotHoldError(Exception):
-    """A line of a certificate that does not hold; the text says which, and what holds in its place."""
-
-
-def require(holds: bool, text: str) -> None:
-    """Nothing, if a line of the certificate holds.
-
-    Raises:
-        DoesNotHoldError: It does not.
-    """
-    if not holds:
-        raise DoesNotHoldError(text)
 
 
 def check_bound(path: Path, *, n_jobs: int = 2, show_progress: bool = True) -> list[str]:
@@ -71,6 +59,7 @@ def check_bound(path: Path, *, n_jobs: int = 2, show_progress: bool = True) -> l
         stage = Stage(config_of(content["options"]))
         told = list(_check_poses(path, stage, content))
         told += _check_seeds(path, stage, content, interrupt, n_jobs, show_progress=show_progress)
+        told += _check_places(path, stage, content, interrupt, n_jobs, show_progress=show_progress)
     return told
 
 
@@ -123,6 +112,44 @@ def _check_seeds(
         f"{summary['n_seeds']} seeds: the chosen poses are enough, and the prices prove the fewest of "
         f"{summary['n_proven']}"
     )
+
+
+def _check_places(
+    path: Path,
+    stage: Stage,
+    content: Mapping[str, Any],
+    interrupt: NotedInterrupt,
+    n_jobs: int,
+    *,
+    show_progress: bool,
+) -> Iterator[str]:
+    """Check the bound on every policy: the places, block by block, and what their weights prove."""
+    if not content["n_places"]:
+        return
+    seeds = parse_seeds(content["seeds"])
+    reason = reason_against(stage, seeds[0])
+    require(
+        content["no_policy"] == reason,
+        f"bound.json: no_policy is {content['no_policy']!r}, and not {reason!r}",
+    )
+    if reason is not None:
+        return
+    every = blocks(content["first_place"], content["n_places"])
+    work = BlockCheck(path, stage.planting(1), need_of_one(stage.scenario(seeds[0]).n_tumours))
+    with (
+        shared_map(work, n_jobs=min(n_jobs, len(every))) as share,
+        tqdm(
+            total=content["n_places"], desc="places checked", unit="place", disable=not show_progress
+        ) as progress,
+    ):
+        for block, failure in zip(every, share(every), strict=True):
+            require(failure is None, str(failure))
+            progress.update(len(block))
+            if interrupt.is_set:
+                raise KeyboardInterrupt
+    places = [place for block in every for place in read_block(block_file(path, block))]
+    fewest = fewest_of([read_seed(path, seed) for seed in seeds])
+    yield check_policy(path, content, stage, seeds[0], places, fewest)
 
 
 class SeedCheck:
@@ -184,20 +211,3 @@ def check_seed(
         cover.least <= cover.solver_least <= cover.most,
         f"{cover.least}, {cover.solver_least} and {cover.most} poses are not in order",
     )
-
-
-def proven_value(held: NDArray[np.bool_], need: int, prices: NDArray[np.float64], worth: float) -> float:
-    """What prices prove about the number of cones that hold enough points.
-
-    Every cone holds points worth at most 1, so n cones hold at most n; and whoever holds enough points holds at least
-    worth * need, less what the points are cheaper than that.
-
-    Raises:
-        DoesNotHoldError: The prices are none, or a cone's points are worth more than 1.
-    """
-    is_price = prices.shape == held.shape[1:] and bool(np.isfinite(prices).all() and (prices >= 0.0).all())
-    require(is_price, "its prices are not one number from 0 on for each point")
-    require(math.isfinite(worth) and worth >= 0.0, f"the worth {worth} is not a number from 0 on")
-    dearest = max((float(prices[cone].sum()) for cone in held), default=0.0)
-    require(dearest <= 1.0 + SLACK, f"a cone holds points worth {dearest:.9g}, and 1 is the most")
-    return worth * need - sum(max(0.0, worth - float(price)) for price in prices)

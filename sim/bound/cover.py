@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, linprog, milp
 from scipy.sparse import csr_matrix, hstack, identity, vstack
 
+from sim.streams import quiet_stdout
+
 ROUNDING = 1e-6
 """A bound so little above a whole number counts as that number: far above rounding, far below any true step."""
 MOST_NODES = 5000
@@ -184,14 +186,15 @@ def _integer_program(rows: NDArray[np.bool_], counts: NDArray[np.int64], need: i
     """Poses that are enough, none where HiGHS finds none in time, and how many any choice needs by its word."""
     costs, matrix, least = _program(rows, counts, need)
     n = rows.shape[0]
-    solved = milp(
-        costs,
-        # The stubs know no ends that differ from row to row.
-        constraints=LinearConstraint(matrix, least, np.inf),  # pyright: ignore[reportArgumentType]
-        integrality=(costs > 0.0).astype(int),
-        bounds=Bounds(0, 1),
-        options={"mip_rel_gap": 0.0, "node_limit": MOST_NODES},
-    )
+    with quiet_stdout():
+        solved = milp(
+            costs,
+            # The stubs know no ends that differ from row to row.
+            constraints=LinearConstraint(matrix, least, np.inf),  # pyright: ignore[reportArgumentType]
+            integrality=(costs > 0.0).astype(int),
+            bounds=Bounds(0, 1),
+            options={"mip_rel_gap": 0.0, "node_limit": MOST_NODES},
+        )
     said = getattr(solved, "mip_dual_bound", None)
     bound = 0 if said is None or not math.isfinite(said) else whole_bound(float(said))
     if solved.x is None:

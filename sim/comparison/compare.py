@@ -21,6 +21,7 @@ from sim.tables import write_csv
 
 from .comparison import Comparison, compare_groups
 from .figures import draw_curves, draw_precision, draw_reached, draw_sensings
+from .limits import limit_rows, load_limits
 from .page import write_comparison_page
 from .tables import flat_rows, markdown
 from .trial_groups import load_groups, notes_on
@@ -52,6 +53,7 @@ def compare(
     reference: str | None = None,
     view_seed: int | None = None,
     jobs: int = 2,
+    bound: Sequence[Path | str] = (),
 ) -> CompareSummary:
     """Compare campaigns and write compare.md, compare.csv, report.html and figures.
 
@@ -62,9 +64,10 @@ def compare(
         reference: Contender with which all others are paired; None for all pairs.
         view_seed: Seed of each contender to run again, to draw its map and poses from above and from the side.
         jobs: Number of processes that draw the views.
+        bound: Folders that `sounding bound` wrote, each of one case, beside whose limit the contenders are shown.
 
     Raises:
-        UsageError: A folder holds no campaign, a reference is unknown, or the output cannot be written.
+        UsageError: A folder holds no campaign or no bound, a reference is unknown, or the output cannot be written.
     """
     campaigns = [Path(folder) for folder in folders]
     groups = load_groups(campaigns, seeds=seeds)
@@ -73,14 +76,15 @@ def compare(
         raise FieldError("reference", reference, f"choose one of {'; '.join(contenders)}.")
     comparison = compare_groups(groups, reference=reference)
     notes = notes_on(campaigns)
-    text = markdown(comparison, notes)
+    limits = load_limits([Path(each) for each in bound], comparison)
+    text = markdown(comparison, notes, limits)
     folder = _default_folder(campaigns) if out is None else Path(out)
     if not (folder / "compare.csv").is_file():
         refuse_strangers(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(folder / "compare.md") as file:
         file.write(text.encode(errors="surrogateescape"))
-    write_csv(folder / "compare.csv", flat_rows(comparison))
+    write_csv(folder / "compare.csv", [*flat_rows(comparison), *limit_rows(comparison, limits)])
     figures = [
         path
         for case in comparison.cases
@@ -90,7 +94,7 @@ def compare(
     views = None if view_seed is None else folder / "views"
     if views is not None and view_seed is not None:
         figures += draw_views(views, comparison, view_seed, jobs)
-    write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views)
+    write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views, limits=limits)
     return CompareSummary(text, folder, tuple(figures))
 
 

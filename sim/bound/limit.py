@@ -29,8 +29,6 @@ class Limit:
     """The proven hindsight optimum of each seed; None where no poses are enough."""
     policy: PolicyBound | None
     """The bound on every policy; None where none was asked for or can be proven."""
-    is_of_the_generator: bool
-    """Whether that bound is of tumours as the scenario plants them, and not of independent places."""
 
     def in_hindsight(self, seeds: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float64]:
         """The hindsight optimum of seeds, shape (n,): infinite where no poses are enough, NaN where it is not known."""
@@ -38,14 +36,14 @@ class Limit:
         return np.array([known.get(int(seed), np.nan) for seed in seeds])
 
     def least_mean(self, horizon: float) -> float | None:
-        """The least mean number of actions of any policy; None where none is proven.
+        """The least mean number of actions of any policy with tumours as the scenario plants them; None for no bound.
 
         Args:
             horizon: Actions beyond which an episode counts with that number; infinite for none.
         """
         if self.policy is None:
             return None
-        return self.policy.least_mean(is_apart=self.is_of_the_generator, horizon=horizon)
+        return self.policy.least_mean(is_apart=True, horizon=horizon)
 
 
 def load_limit(path: Path) -> Limit:
@@ -64,5 +62,4 @@ def load_limit(path: Path) -> Limit:
         case=content["case"],
         fewest=dict(zip(seeds, fewest, strict=True)),
         policy=None if policy is None else bound_of(policy, fewest),
-        is_of_the_generator=policy is not None and bool(policy["is_of_the_generator"]),
     )

@@ -53,19 +53,22 @@ class PolicyBound:
         """The most that P(T <= k) can be after k = 0, 1, 2, ... actions; 1 from there on.
 
         Args:
-            is_apart: Whether it is of tumours that the generator keeps apart, and not of independent places.
+            is_apart: Whether it is of tumours as the generator plants them, and not of independent places. Where
+                nothing is proven of how it keeps them apart, only the hindsight optimum counts.
             confidence: The confidence with which it is not exceeded; by default the sample's own figure.
         """
         # Half of what may go wrong is the places', half the seeds', each spread over all numbers of actions looked at.
         lapse = None if confidence is None else (1.0 - confidence) / (2 * MOST_ACTIONS)
         rows, most = [self.shares] * self.n_tumours, [1.0] * self.n_tumours
-        if is_apart and self.weighted is not None and self.most_weight is not None:
-            rows, most = list(self.weighted), list(self.most_weight)
+        if is_apart and self.n_tumours > 1:
+            rows, most = list(self.weighted or ()), list(self.most_weight or ())
             lapse = None if lapse is None else lapse / self.n_tumours
-        product = np.ones(len(self.shares))
+        in_hindsight = self._in_hindsight(confidence)
+        # Beyond the actions that were looked at, the places may all be done.
+        product = np.ones(len(in_hindsight))
         for row, largest in zip(rows, most, strict=True):
-            product *= [upper_mean(each, self.n_places, largest, lapse) for each in row]
-        return np.concatenate([[0.0], np.minimum(np.minimum(product, 1.0), self._in_hindsight(confidence))])
+            product[: len(row)] *= [upper_mean(each, self.n_places, largest, lapse) for each in row]
+        return np.concatenate([[0.0], np.minimum(np.minimum(product, 1.0), in_hindsight)])
 
     def least_mean(
         self, *, is_apart: bool, confidence: float | None = None, horizon: float = math.inf
@@ -81,12 +84,16 @@ class PolicyBound:
         return float((1.0 - done[: len(done) if math.isinf(horizon) else int(horizon)]).sum())
 
     def _in_hindsight(self, confidence: float | None) -> NDArray[np.float64]:
-        """The share of the truths for which k actions are enough in hindsight, shape (K,)."""
+        """The share of the truths for which k actions are enough in hindsight, shape (K,).
+
+        It goes on until they are enough for all, or to the last share of the places, whichever is later.
+        """
         n = len(self.fewest)
+        last = max((each for each in self.fewest if each is not None), default=0)
+        n_actions = min(max(last, len(self.shares)), MOST_ACTIONS)
         lapse = None if confidence is None else (1.0 - confidence) / (2 * MOST_ACTIONS)
         done = [
-            sum(each is not None and each <= k for each in self.fewest) / n
-            for k in range(1, len(self.shares) + 1)
+            sum(each is not None and each <= k for each in self.fewest) / n for k in range(1, n_actions + 1)
         ]
         return np.array([upper_mean(each, n, 1.0, lapse) for each in done])
 

@@ -89,12 +89,10 @@ def policy_summary(bound: PolicyBound) -> dict[str, Any]:
         "shares": list(bound.shares),
         "weighted": None if bound.weighted is None else [list(row) for row in bound.weighted],
         "most_weight": None if bound.most_weight is None else list(bound.most_weight),
-        # One tumour is kept apart from none, and of others it is not proven how they are.
-        "is_of_the_generator": bound.n_tumours == 1 or is_apart,
+        # One tumour is kept apart from none. Where it is not proven how others are, hindsight alone counts.
+        "is_hindsight_alone": bound.n_tumours > 1 and not is_apart,
     }
     for name, each in (("independent", False), ("generator", True)):
-        if each and not shown["is_of_the_generator"]:
-            continue
         shown[name] = {
             "done": [float(share) for share in bound.done(is_apart=each)],
             "least_mean": bound.least_mean(is_apart=each),

@@ -70,6 +70,8 @@ def _policy_lines(content: Mapping[str, Any]) -> list[str]:
             lines.append(
                 f"  {meaning:<36}  {own['least_mean']:.2f}, with 95 % confidence at least {own['least_mean_95']:.2f}"
             )
-    if not policy["is_of_the_generator"]:
-        lines.append("  the scenario keeps tumours apart, about which nothing is proven")
+    if policy["is_hindsight_alone"]:
+        lines.append(
+            "  the scenario keeps tumours apart, about which nothing is proven but the hindsight optimum"
+        )
     return lines

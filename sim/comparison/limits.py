@@ -120,8 +120,8 @@ def limit_note(limit: Limit) -> str:
     if limit.policy is None:
         return text
     text += f" Any policy: the least mean of any that does not know it, from {limit.policy.n_places} drawn places."
-    if not limit.is_of_the_generator:
-        text += " It is proven for tumours in independent places, and the scenario keeps them apart."
+    if limit.policy.n_tumours > 1 and limit.policy.weighted is None:
+        text += " Of several tumours that the scenario keeps apart nothing more is proven than the hindsight optimum."
     return text
 
 

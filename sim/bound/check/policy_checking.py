@@ -184,8 +184,10 @@ def check_policy(
     proven = policy_summary(bound)
     for name, value in proven.items():
         _check_same(name, content["policy"].get(name), value)
-    kind = "generator" if bound.n_tumours == 1 or bound.weighted is not None else "independent"
-    return f"{n} places: the weights prove a mean of at least {proven[kind]['least_mean']:.3f} actions of any policy"
+    return (
+        f"{n} places: any policy takes {proven['generator']['least_mean']:.3f} actions or more in the mean, and "
+        f"{proven['independent']['least_mean']:.3f} in independent places"
+    )
 
 
 def _check_same(name: str, claimed: Any, proven: Any) -> None:

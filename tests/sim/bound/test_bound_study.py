@@ -5,7 +5,13 @@ from __future__ import annotations
 import csv
 import itertools
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +23,8 @@ from sim.bound.stage import Stage
 from sim.cli.command_line import main
 from sim.episode.episode import Episode
 from sim.running.fields import config_of
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def files_of(folder):
@@ -226,3 +234,27 @@ def test_another_question_is_refused_and_replaced_when_asked(small_world, small_
 def test_without_tumours_there_is_nothing_to_bound(small_world, tmp_path, capsys):
     assert bound(small_world, tmp_path / "out", "--n-tumours", "0", "--seeds", "0:1") == 2
     assert "there is no tumour" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal")
+def test_an_interrupted_bound_keeps_what_it_found(small_world, tmp_path):
+    out = tmp_path / "out"
+    words = ["bound", "--scenario", str(small_world), "--places", "0", "--jobs", "1", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sim.cli", *words, "--seeds", "0:5000"],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not list(out.glob("seeds/0*.npz")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "what was found is kept, call again to go on" in errors
+    n_found = len(list(out.glob("seeds/0*.npz")))
+    assert 0 < n_found < 5000
+    assert main(["bound", "--check", str(out), "--jobs", "1"]) == 2
+    assert main([*words, "--seeds", f"0:{n_found}"]) == 0
+    assert len(rows(out)) == n_found

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sim.bound.limit import Limit, load_limit
+from sim.bound.policy import CONFIDENCE
 from sim.errors import FieldError
 from sim.tables import markdown_table
 
@@ -119,7 +120,12 @@ def limit_note(limit: Limit) -> str:
     text = "In hindsight: the fewest poses that are enough for whoever knows the truth, on the seeds that both have."
     if limit.policy is None:
         return text
-    text += f" Any policy: the least mean of any that does not know it, from {limit.policy.n_places} drawn places."
+    sure = limit.policy.least_mean(is_apart=True, confidence=CONFIDENCE)
+    n = limit.policy.n_places
+    text += (
+        f" Any policy: the least mean of any that does not know it, from {n} drawn places. For means that are not "
+        f"restricted it is at least {sure:.2f} with 95 % confidence."
+    )
     if limit.policy.n_tumours > 1 and limit.policy.weighted is None:
         text += " Of several tumours that the scenario keeps apart nothing more is proven than the hindsight optimum."
     return text

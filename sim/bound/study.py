@@ -19,11 +19,12 @@ from sim.episode.measures import SENSED_GOAL
 from sim.interrupt import NotedInterrupt
 from sim.notices import Notify, print_notice
 from sim.reach.pose_pool import shared_map
+from sim.record.ownership import check_out_folder
 from sim.record.run_folder import describe_machine
 from sim.running.config import EpisodeConfig
 from sim.running.fields import changed, recorded
 
-from .folder import BoundFolder, read_seed, write_arrays
+from .folder import BOUND, BoundFolder, read_seed, write_arrays
 from .hindsight import SeedBound, SeedWork
 from .places import Place, PlaceWork
 from .policy_files import POLICY, block_file, blocks, read_block, write_block
@@ -92,13 +93,18 @@ def bound_study(
         KeyboardInterrupt: Ctrl-C was pressed; what was found is kept.
     """
     question = question_of(config, settings)
+    check_out_folder(out, overwrite=settings.overwrite, marker=BOUND)
+    stage = Stage(config)
+    with threadpool_limits(limits=1):
+        # What cannot be built leaves no folder behind.
+        stage.setup(settings.seeds[0])
     with (
         threadpool_limits(limits=1),
         BoundFolder(out, overwrite=settings.overwrite) as folder,
         NotedInterrupt(NOTICE) as interrupt,
     ):
         folder.begin(question | {"status": "unfinished"})
-        study = _Study(config, folder, settings, interrupt, show_progress=show_progress)
+        study = _Study(stage, folder, settings, interrupt, show_progress=show_progress)
         answer = study.run(notify)
         content = question | {"status": "finished", "machine": describe_machine()} | answer
         folder.write(content)
@@ -110,14 +116,14 @@ class _Study:
 
     def __init__(
         self,
-        config: EpisodeConfig,
+        stage: Stage,
         folder: BoundFolder,
         settings: BoundSettings,
         interrupt: NotedInterrupt,
         *,
         show_progress: bool,
     ) -> None:
-        self._stage = Stage(config)
+        self._stage = stage
         self._folder, self._settings, self._interrupt = folder, settings, interrupt
         self._show_progress = show_progress
 

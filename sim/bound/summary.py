@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,8 @@ def fewest_of(bounds: Sequence[SeedBound]) -> list[int | None]:
 
 def bound_text(content: Mapping[str, Any]) -> str:
     """What bound.json says, for a terminal."""
-    head = f"{content['case']['scenario']}, arm {content['case']['arm']}"
+    case = content["case"]
+    head = f"{Path(case.get('organ') or case['scenario']).name}, arm {Path(case['arm']).name}"
     lines = [*_hindsight_lines(content["hindsight"]), "", *_policy_lines(content)]
     return "\n".join([head, "-" * len(head), *lines]).rstrip()
 

@@ -110,7 +110,7 @@ def _check_seeds(
     require(content["hindsight"] == summary, f"bound.json: hindsight is not the seeds' own, {summary}")
     yield (
         f"{summary['n_seeds']} seeds: the chosen poses are enough, and the prices prove the fewest of "
-        f"{summary['n_proven']}"
+        f"{summary['n_proven']}; all cones together are too few for {summary['n_impossible']}"
     )
 
 

@@ -222,6 +222,13 @@ def test_bad_options_are_one_clear_line(tmp_path, monkeypatch, capsys, words, te
     assert "Traceback" not in told
 
 
+def test_what_cannot_be_built_leaves_no_folder(tmp_path, capsys):
+    words = ["--organ", str(tmp_path / "missing.stl"), "--out", str(tmp_path / "out")]
+    assert main(["bound", *words]) == 2
+    assert "missing.stl" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_another_question_is_refused_and_replaced_when_asked(small_world, small_bound, tmp_path, capsys):
     folder = shutil.copytree(small_bound, tmp_path / "copy")
     more = ["--n-tumours", "2", "--seeds", "0:1", "--places", "0"]

@@ -34,6 +34,7 @@ ROOMS = (
     "sim.reach",
     "sim.running",
     "sim.campaign",
+    "sim.bound",
     "sim.comparison",
     "sim.doctor",
     "sim.cli",
@@ -45,6 +46,8 @@ WITHIN = {
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",
     "sim.comparison.lesions": "sim.comparison",
+    "sim.bound.check": "sim.bound",
+    "sim.cli.studies": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""

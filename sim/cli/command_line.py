@@ -21,6 +21,7 @@ from .terminal import BAD_INPUT, in_flags
 COMMANDS = {
     "episode": "episode",
     "trials": "trials",
+    "bound": "studies.bound",
     "compare": "compare",
     "reach": "reach",
     "ik": "ik",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sim.record.run_record import load_run
     from sim.running.run_episode import run_episode
     from sim.world.anatomy.case_files import CaseFiles
+    from sim.world.probes.probe import named_probe
     from sim.world.scene.named_arms import named_arm
     from sim.world.sensing.cone_sensor import ConeSensor
     from sim.world.sensing.reading import Reading
@@ -54,6 +55,7 @@ _HOMES = {
     "make_planner": "planner",
     "make_study": "sim.campaign.study",
     "named_arm": "sim.world.scene.named_arms",
+    "named_probe": "sim.world.probes.probe",
     "reach_study": "sim.reach.study",
     "run_episode": "sim.running.run_episode",
     "run_trials": "sim.campaign.campaign",
@@ -82,6 +84,7 @@ __all__ = [
     "make_planner",
     "make_study",
     "named_arm",
+    "named_probe",
     "reach_study",
     "run_episode",
     "run_trials",

@@ -8,7 +8,7 @@ import os
 import sys
 import unicodedata
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 PLAIN = "sounding-plain"
@@ -59,6 +59,39 @@ def safe_streams() -> Iterator[None]:
     finally:
         _flush_quietly(after)
         sys.stdout, sys.stderr = before
+
+
+@contextmanager
+def quiet_stdout() -> Iterator[None]:
+    """A context in which what compiled code prints goes nowhere; HiGHS, for one, leaves a line of its own now and then.
+
+    Such code writes to the descriptor and past Python's stream, so the descriptor itself leads elsewhere meanwhile.
+    """
+    try:
+        kept = os.dup(1)
+    except OSError:
+        # There is no stdout that could be written to.
+        yield
+        return
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.close(nowhere)
+        yield
+    finally:
+        _flush_compiled()
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+def _flush_compiled() -> None:
+    """Have the C library write what it holds back; where it cannot be asked, its text comes later."""
+    import ctypes
+
+    with suppress(OSError, TypeError, AttributeError):
+        ctypes.CDLL(None).fflush(None)
 
 
 def _flush_quietly(streams: tuple[Any, ...]) -> None:

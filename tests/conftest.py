@@ -21,6 +21,7 @@ from sim.episode.scenario import SCENARIOS, Scenario
 from sim.episode.setup import Setup, build_setup
 from sim.world.anatomy.anatomy import Anatomy, build_anatomy
 from sim.world.ik.search import IkSearch
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.scene import Scene, build_scene
@@ -70,11 +71,17 @@ def setups_are_built_once():
     """Episodes on organs and arms that the package brings share their setups, as the trials of a campaign do."""
     built: dict[tuple[Scenario, ArmModel | None, float], Setup] = {}
 
-    def shared(scenario: Scenario, arm: ArmModel | None, map_settings: MapSettings) -> Setup:
+    def shared(
+        scenario: Scenario,
+        arm: ArmModel | None,
+        map_settings: MapSettings,
+        *,
+        probe: ProbeModel = EMBEDDED,
+    ) -> Setup:
         # Files of the user's may change between two calls.
         is_embedded = scenario.is_named_organ and (arm is None or arm.path == ArmModel().path)
-        if not is_embedded:
-            return build_setup(scenario, arm, map_settings)
+        if not (is_embedded and probe.is_embedded):
+            return build_setup(scenario, arm, map_settings, probe=probe)
         key = (scenario, arm, map_settings.hinge_spacing_m)
         if key not in built:
             built[key] = build_setup(scenario, arm, map_settings)

@@ -19,6 +19,7 @@ ROOMS = (
     "sim.world.volumes",
     "sim.world.anatomy",
     "sim.world.arms",
+    "sim.world.probes",
     "sim.world.scene",
     "sim.world.camera",
     "sim.world.ik",
@@ -33,6 +34,7 @@ ROOMS = (
     "sim.reach",
     "sim.running",
     "sim.campaign",
+    "sim.bound",
     "sim.comparison",
     "sim.doctor",
     "sim.cli",
@@ -45,6 +47,8 @@ WITHIN = {
     "planner.find_and_outline": "planner",
     "sim.campaign.engines": "sim.campaign",
     "sim.comparison.lesions": "sim.comparison",
+    "sim.bound.check": "sim.bound",
+    "sim.cli.studies": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""

@@ -155,7 +155,7 @@ def _inputs(study: Study) -> dict[str, Any]:
         record = scenario_record(load_scenario(config.scenario))
         inputs[f"scenario {config.scenario}"] = json.loads(json.dumps(record))
         files = scenario_of(config).case_files
-        for file in (config.arm, *(() if files is None else files.paths)):
+        for file in (config.arm, config.probe, *(() if files is None else files.paths)):
             if Path(file).is_file():
                 inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
     return inputs

@@ -34,7 +34,7 @@ SETUP_OPTIONS = (
     ),
     *("spacing_mm", "target", "target_label", "target_name", "structure", "structure_label"),
     *("keepout", "keepout_label", "keepout_mm", "organ_pose", "cone_half_angle_deg", "cone_depth_mm"),
-    *("arm", "flange"),
+    *("arm", "flange", "probe"),
 )
 """Options from which a setup is built. They vary slowest, so that a process rarely builds a setup anew."""
 LEADING = ("scenario", "planner", "arm", "seed")

@@ -111,7 +111,7 @@ class _Reader:
             return self._path.parent / value
         if isinstance(value, tuple):
             return tuple(self._beside_file(name, each) for each in value)
-        if name in ("scenario", "arm") and Path(value).suffix:
+        if name in ("scenario", "arm", "probe") and Path(value).suffix:
             return str(self._path.parent / value)
         return value
 

@@ -114,11 +114,11 @@ def write_trial_folder(trial: Trial) -> None:
 
 def _setup(parts: EpisodeParts) -> tuple[Setup, float]:
     """The setup of an episode, and the time that building it took; this process keeps the last one."""
-    key = (parts.scenario, parts.arm, parts.map_settings.hinge_spacing_m)
+    key = (parts.scenario, parts.arm, parts.probe, parts.map_settings.hinge_spacing_m)
     start_s = perf_counter()
     if key not in _setups:
         _setups.clear()
-        _setups[key] = build_setup(parts.scenario, parts.arm, parts.map_settings)
+        _setups[key] = build_setup(parts.scenario, parts.arm, parts.map_settings, probe=parts.probe)
     return _setups[key], perf_counter() - start_s
 
 

@@ -21,6 +21,7 @@ from .terminal import BAD_INPUT, in_flags
 COMMANDS = {
     "episode": "episode",
     "trials": "trials",
+    "bound": "studies.bound",
     "compare": "compare",
     "reach": "reach",
     "ik": "ik",
@@ -53,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(words: list[str]) -> int:
-    from sim.world.scene.gl import adopt_mujoco_gl
+    from sim.world.camera.gl import adopt_mujoco_gl
 
     # MuJoCo looks at the choice of OpenGL when it is imported.
     adopt_mujoco_gl()

@@ -18,6 +18,7 @@ EXAMPLES = """
 sounding compare renders/paper
 sounding compare renders/one renders/another --out renders/both
 sounding compare renders/paper --reference random --seeds 0:10
+sounding compare renders/mine --bound renders/bound-sphere
 sounding compare renders/paper --view-seed 4              # runs seed 4 of each contender again
 sounding compare renders/first renders/second             # two runs of sounding episode on one page
 """
@@ -41,6 +42,9 @@ class Options:
     """Seeds to look at, for example 0:10, which leaves 10 out; by default all."""
     reference: str | None = None
     """Contender with which all others are paired; by default all are paired with each other."""
+    bound: tuple[Path, ...] = ()
+    """Folders that `sounding bound` wrote, one for each case; every contender is then shown beside the least possible:
+    the hindsight optimum of each seed, and what any policy takes in the mean."""
     view_seed: int | None = None
     """Run this seed of each contender again, and draw its map and poses from above and from the side, which takes as
     long as these episodes: up to a minute or so for each."""
@@ -77,6 +81,7 @@ def run(options: Options) -> int:
         reference=options.reference,
         view_seed=options.view_seed,
         jobs=options.jobs,
+        bound=options.bound,
     )
     print(summary.text)
     figures = f", with {len(summary.figures)} figures" if summary.figures else ""

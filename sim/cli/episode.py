@@ -121,7 +121,8 @@ def _account(summary: Mapping[str, Any]) -> str:
 
     told = read_account(Path(summary["folder"]), summary)
     head = (
-        f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, seed {summary['seed']}"
+        f"{summary['scenario']}, planner {summary['planner']}, arm {summary['arm']}, "
+        f"{'probe ' + summary['probe'] + ', ' if 'probe' in summary else ''}seed {summary['seed']}"
     )
     cells = [(each.name, each.size, each.found, each.sensed) for each in told.lesions[:MOST_LESIONS]]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

@@ -49,6 +49,9 @@ class Options:
     flange: str | None = None
     """Site or body of the arm that carries the probe, +z out of it; by default the site flange or attachment_site, or
     the body tool0 or flange."""
+    probe: str = "default"
+    """Probe: default (the embedded one, straight and 160 mm long), or the path of an MJCF file that has a site named
+    tip."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0
@@ -82,12 +85,14 @@ def run(options: Options) -> int:
     """Explain the pose, and return the exit code, 0 where it is reached."""
     from sim.reach.explanation import explain_pose
     from sim.reach.workcell import build_workcell
+    from sim.world.probes.probe import named_probe
 
     arm = arm_standing(
         options.arm, options.flange, base_mm=options.base_mm, base_yaw_deg=options.base_yaw_deg
     )
     changes = scenario_changes(options.organ, options.case, options.anatomy)
-    workcell = build_workcell(dataclasses.replace(load_scenario(options.scenario), **changes), arm)
+    scenario = dataclasses.replace(load_scenario(options.scenario), **changes)
+    workcell = build_workcell(scenario, arm, named_probe(options.probe))
     for text in workcell.notices:
         note(text)
     explanation = explain_pose(

@@ -65,6 +65,9 @@ class Options:
     flange: tuple[str, ...] = ()
     """Site or body of the arm that carries the probe, +z out of it, one for all arms or one for each; by default the
     site flange or attachment_site, or the body tool0 or flange."""
+    probe: str = "default"
+    """Probe of every arm: default (the embedded one, straight and 160 mm long), or the path of an MJCF file that has a
+    site named tip."""
     base_mm: Triple = (0.0, 0.0, 0.0)
     """Where the arm's base stands in the world [mm]; the table's top is z = 0."""
     base_yaw_deg: float = 0.0
@@ -147,8 +150,9 @@ class Options:
         if self.out is not None:
             return self.out
         arms = [file_part(arm) for arm in self.arm if len(self.arm) > 1 or arm != "default"]
+        probes = [] if self.probe == "default" else [file_part(self.probe)]
         return default_folder(
-            "-".join(["reach", scenario.name, *arms]), _recorded(self), overwrite=self.overwrite
+            "-".join(["reach", scenario.name, *arms, *probes]), _recorded(self), overwrite=self.overwrite
         )
 
     def make_scenario(self) -> Scenario:
@@ -201,18 +205,20 @@ def run(options: Options) -> int:
     """Study the arm or the arms, print the results, and return the exit code."""
     from sim.reach.arm_comparison import compare_arms, folder_names
     from sim.reach.study import reach_study
+    from sim.world.probes.probe import named_probe
 
+    probe = named_probe(options.probe)
     scenario = options.make_scenario()
     out, settings = options.out_folder(scenario), options.make_settings()
     try:
         if len(options.arm) == 1:
             arm = options.make_arm(0)
-            summary = reach_study(scenario, arm, out, settings, name=options.arm[0], notify=note)
+            summary = reach_study(scenario, arm, out, settings, probe=probe, name=options.arm[0], notify=note)
             print(reach_table(summary))
             return 0
         names = folder_names(options.arm)
         arms = {name: options.make_arm(index) for index, name in enumerate(names)}
-        print(arms_summary(compare_arms(scenario, arms, out, settings, notify=note)))
+        print(arms_summary(compare_arms(scenario, arms, out, settings, probe=probe, notify=note)))
     except KeyboardInterrupt:
         print(
             "sounding: interrupted; a study writes its table at the end, so the folder is marked unfinished.",
@@ -230,7 +236,8 @@ def _recorded(options: Options) -> dict[str, Any]:
 
 def reach_table(summary: Mapping[str, Any]) -> str:
     """The results of a reachability study as an aligned table, ending with the folder that holds them."""
-    head = f"{summary['scenario']}, arm {summary['arm']}"
+    probe = f", probe {summary['probe']}" if "probe" in summary else ""
+    head = f"{summary['scenario']}, arm {summary['arm']}{probe}"
     reasons = [
         f"not reached, {name.replace('_', ' ')}: {count}"
         for name, count in summary["reasons"].items()

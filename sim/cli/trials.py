@@ -49,6 +49,8 @@ class Options:
     """Sensors, which may be your own as package.module:Class; by default cone."""
     arm: tuple[str, ...] = ()
     """Arms: default (the embedded one), none, or paths of MJCF files; by default the embedded one."""
+    probe: tuple[str, ...] = ()
+    """Probes: default (the embedded one), or paths of MJCF files with a site named tip; by default the embedded one."""
     trials: int | None = None
     """Number of trials of each combination, with the seeds 0, 1, 2 and so on; by default 10, or those of the study."""
     seeds: str | None = None
@@ -122,7 +124,7 @@ class Options:
         """The values of an episode's options that the command line names."""
         given: dict[str, Any] = {
             name: tuple(getattr(self, name))
-            for name in ("scenario", "planner", "sensor", "arm")
+            for name in ("scenario", "planner", "sensor", "arm", "probe")
             if getattr(self, name)
         }
         for name in ("steps", "until_sensed", "motion", "map"):

@@ -23,6 +23,7 @@ from .comparison import Comparison, compare_groups
 from .figures import draw_curves, draw_precision, draw_reached, draw_sensings
 from .lesions.figures import draw_free_response, draw_mapped
 from .lesions.tables import LESION_COLUMNS, lesion_rows
+from .limits import limit_rows, load_limits
 from .page import write_comparison_page
 from .runs import are_runs, write_runs
 from .tables import flat_rows, markdown
@@ -57,6 +58,7 @@ def compare(
     reference: str | None = None,
     view_seed: int | None = None,
     jobs: int = 2,
+    bound: Sequence[Path | str] = (),
 ) -> CompareSummary:
     """Compare campaigns and write compare.md, compare.csv, compare_lesions.csv, report.html and figures, or show runs
     on one page.
@@ -68,13 +70,19 @@ def compare(
         reference: Contender with which all others are paired; None for all pairs.
         view_seed: Seed of each contender to run again, to draw its map and poses from above and from the side.
         jobs: Number of processes that draw the views.
+        bound: Folders that `sounding bound` wrote, each of one case, beside whose limit the contenders are shown.
 
     Raises:
-        UsageError: A folder holds no campaign, a reference is unknown, or the output cannot be written.
+        UsageError: A folder holds no campaign or no bound, a reference is unknown, or the output cannot be written.
     """
     campaigns = [Path(folder) for folder in folders]
     if are_runs(campaigns):
-        for name, value in (("seeds", seeds), ("reference", reference), ("view_seed", view_seed)):
+        for name, value in (
+            ("seeds", seeds),
+            ("reference", reference),
+            ("view_seed", view_seed),
+            ("bound", tuple(bound) or None),
+        ):
             if value is not None:
                 raise UsageError(f"`{name}` goes only with campaigns, and {campaigns[0]} holds a single run.")
         folder = _own_folder(campaigns, out)
@@ -85,11 +93,12 @@ def compare(
         raise FieldError("reference", reference, f"choose one of {'; '.join(contenders)}.")
     comparison = compare_groups(groups, reference=reference)
     notes = notes_on(campaigns)
-    text = markdown(comparison, notes)
+    limits = load_limits([Path(each) for each in bound], comparison)
+    text = markdown(comparison, notes, limits)
     folder = _own_folder(campaigns, out)
     with replacing(folder / "compare.md") as file:
         file.write(text.encode(errors="surrogateescape"))
-    write_csv(folder / "compare.csv", flat_rows(comparison))
+    write_csv(folder / "compare.csv", [*flat_rows(comparison), *limit_rows(comparison, limits)])
     write_csv(folder / "compare_lesions.csv", lesion_rows(comparison), LESION_COLUMNS)
     figures = [
         path
@@ -100,7 +109,7 @@ def compare(
     views = None if view_seed is None else folder / "views"
     if views is not None and view_seed is not None:
         figures += draw_views(views, comparison, view_seed, jobs)
-    write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views)
+    write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views, limits=limits)
     return CompareSummary(text, folder, tuple(figures))
 
 

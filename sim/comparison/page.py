@@ -17,6 +17,7 @@ from sim.report.page import REPORT, environment
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
 from .estimates import reached_shares, spread_of
 from .lesions.page import lesion_part
+from .limits import Limits, beside_limit, limit_note
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
 from .side_by_side import link, run_folder, seed_pictures, seed_rows
 from .tables import failures, horizon_note, pair_cells, score_cells
@@ -32,6 +33,7 @@ def write_comparison_page(
     notes: Sequence[str],
     campaigns: Sequence[Path],
     views: Path | None = None,
+    limits: Limits | None = None,
 ) -> Path:
     """Write the report of a comparison, and return the file.
 
@@ -41,6 +43,7 @@ def write_comparison_page(
         notes: Sentences about the campaigns.
         campaigns: Folders of the campaigns, in which the folders of episodes are looked for.
         views: Folder of the runs that were drawn again.
+        limits: The limit of each case that has one.
     """
     names = list(dict.fromkeys(group.contender for group in comparison.groups))
     n_trials = sum(len(group.entries) for group in comparison.groups)
@@ -49,7 +52,7 @@ def write_comparison_page(
         studies=[_study(path) for path in campaigns],
         lede=_lede(comparison, names, n_trials),
         notes=notes,
-        cases=[_case(comparison, case, names, folder, campaigns) for case in comparison.cases],
+        cases=[_case(comparison, case, names, folder, campaigns, limits or {}) for case in comparison.cases],
         views=_views(views, folder),
     )  # fmt: skip
     with replacing(folder / REPORT) as file:
@@ -88,7 +91,12 @@ def _lede(comparison: Comparison, names: Sequence[str], n_trials: int) -> str:
 
 
 def _case(
-    comparison: Comparison, case: str, names: Sequence[str], folder: Path, campaigns: Sequence[Path]
+    comparison: Comparison,
+    case: str,
+    names: Sequence[str],
+    folder: Path,
+    campaigns: Sequence[Path],
+    limits: Limits,
 ) -> dict[str, Any]:
     groups = comparison.groups_of(case)
     scores = [score for score in comparison.scores if score.case == case]
@@ -110,7 +118,9 @@ def _case(
             for measure in measures
         ],
         "contenders": [(group.contender, f"c{names.index(group.contender) % N_COLOURS}") for group in groups],
-        "seeds": seed_rows(groups),
+        "limit": _limit(comparison, case, limits),
+        "has_limit": case in limits,
+        "seeds": seed_rows(groups, limits.get(case)),
         "pictures": seed_pictures(groups, folder, campaigns),
         "runs": [runs for group in groups if (runs := _runs(group, folder, campaigns))],
     }
@@ -181,6 +191,11 @@ def _pair_row(pairing: Pairing, span: tuple[float, float]) -> dict[str, Any]:
     difference = pairing.estimate.difference
     line = strip(difference.mean, difference.interval, span, colour="ink", zero=True)
     return pair_cells(pairing) | {"strip": line}
+
+
+def _limit(comparison: Comparison, case: str, limits: Limits) -> dict[str, Any] | None:
+    rows = beside_limit(comparison, case, limits)
+    return {"rows": [row.cells() for row in rows], "note": limit_note(limits[case])} if rows else None
 
 
 def _runs(group: TrialGroup, folder: Path, campaigns: Sequence[Path]) -> dict[str, Any] | None:

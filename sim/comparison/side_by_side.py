@@ -11,6 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from sim.bound.limit import Limit
 from sim.campaign.journal import Entry
 from sim.campaign.study import Trial
 from sim.report.frames import picture_address
@@ -27,19 +28,22 @@ PICTURE_PX = 560
 """Width of a picture of a map."""
 
 
-def seed_rows(groups: Sequence[TrialGroup]) -> list[dict[str, Any]]:
+def seed_rows(groups: Sequence[TrialGroup], limit: Limit | None = None) -> list[dict[str, Any]]:
     """The numbers of all contenders by seed, as text; empty where nothing stands side by side.
 
     Args:
         groups: The contenders of one case.
+        limit: The limit of the case, whose hindsight optimum then stands beside one contender too.
     """
-    if len(groups) < 2:
+    n_least = 2 if limit is None else 1
+    if len(groups) < n_least:
         return []
     entries = [{each["settings"]["seed"]: each for each in group.entries} for group in groups]
     seeds = sorted(set().union(*entries))
-    shared = [seed for seed in seeds if sum(seed in each for each in entries) > 1]
+    shared = [seed for seed in seeds if sum(seed in each for each in entries) >= n_least]
     return [
-        {"seed": seed, "cells": [_cells(each.get(seed)) for each in entries]} for seed in shared[:MOST_SEEDS]
+        {"seed": seed, "fewest": _fewest(limit, seed), "cells": [_cells(each.get(seed)) for each in entries]}
+        for seed in shared[:MOST_SEEDS]
     ]
 
 
@@ -87,6 +91,14 @@ def _cells(entry: Entry | None) -> tuple[str, str, str]:
     forms = (("sensings_to_95", "{:d}"), ("sensed_fraction", "{:.0%}"), ("auprc", "{:.3f}"))
     actions, sensed, auprc = ("–" if row.get(key) is None else form.format(row[key]) for key, form in forms)
     return actions, sensed, auprc
+
+
+def _fewest(limit: Limit | None, seed: int) -> str:
+    """The hindsight optimum of a seed, with a dash where it is not known."""
+    if limit is None or seed not in limit.fewest:
+        return "–"
+    fewest = limit.fewest[seed]
+    return "never" if fewest is None else str(fewest)
 
 
 def _says(run: Path) -> str:

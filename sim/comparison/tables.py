@@ -11,14 +11,15 @@ from sim.tables import markdown_table
 from .comparison import SENSINGS, Comparison, Pairing, Score
 from .estimates import MeanEstimate
 from .lesions.tables import lesion_markdown
+from .limits import Limits, limit_parts
 from .texts import interval_text, number_text
 
 SCORE_HEAD = ("contender", "trials", "mean ± sd", "95 % interval", "median [95 %]", "never", "failed")
 PAIR_HEAD = ("pair", "seeds", "mean difference [95 %]", "wins / ties / losses", "win rate [95 %]")
 
 
-def markdown(comparison: Comparison, notes: Sequence[str] = ()) -> str:
-    """All tables, case by case."""
+def markdown(comparison: Comparison, notes: Sequence[str] = (), limits: Limits | None = None) -> str:
+    """All tables, case by case, with the limit of the cases that have one."""
     parts = ["# Comparison", *notes]
     for case in comparison.cases:
         parts += [f"## {case}", *failures(comparison, case), *lesion_markdown(comparison, case)]
@@ -34,6 +35,8 @@ def markdown(comparison: Comparison, notes: Sequence[str] = ()) -> str:
             pairs = [pairing for pairing in pairings if pairing.measure == measure]
             if pairs:
                 parts.append(pair_table(pairs))
+            if measure is SENSINGS:
+                parts += limit_parts(comparison, case, limits or {})
     return "\n\n".join(parts) + "\n"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -89,7 +89,7 @@ def load_groups(folders: Sequence[Path], *, seeds: Container[int] | None = None)
         contender = _contender(entry["settings"], varying)
         if is_ambiguous:
             contender += f" ({name})"
-        groups.setdefault((_case(entry["settings"]), contender), []).append(entry)
+        groups.setdefault((case_of(entry["settings"]), contender), []).append(entry)
     return [_group(case, contender, found) for (case, contender), found in groups.items()]
 
 
@@ -132,7 +132,8 @@ def _group(case: str, contender: str, entries: list[Entry]) -> TrialGroup:
     )
 
 
-def _case(settings: dict[str, Any]) -> str:
+def case_of(settings: Mapping[str, Any]) -> str:
+    """The case that a trial's settings make."""
     more = [f"{n} {settings[n]}" for n in SETUP_OPTIONS if n in settings and n not in ("scenario", "arm")]
     return ", ".join([settings["scenario"], f"arm {settings['arm']}", *more])
 
@@ -148,7 +149,7 @@ def _varying(settings: list[dict[str, Any]]) -> list[str]:
     first: dict[tuple[str, str], dict[str, Any]] = {}
     hidden = (*SETUP_OPTIONS, *ENDINGS, "planner", "seed", "map")
     for each in settings:
-        other = first.setdefault((_case(each), each["planner"]), each)
+        other = first.setdefault((case_of(each), each["planner"]), each)
         for name in (*each, *other):
             if name not in hidden and each.get(name, default_of(name)) != other.get(name, default_of(name)):
                 apart[name] = None

@@ -283,6 +283,7 @@ def _of_arm(
     travel = Travel(positioner, limits, settings)
     if kind == "kinematic":
         return PathMotion(positioner, paths, timer, settings, travel)
-    organ = ContactSurface(setup.organ)
-    arm = ServoArm(setup.scene, chain, organ, servo, is_panda=is_embedded(path))
+    servo = servo or ServoSettings()
+    organ, face_radius_m = ContactSurface(setup.organ), search.clearance.probe.face_radius_m
+    arm = ServoArm(setup.scene, chain, organ, servo, is_panda=is_embedded(path), face_radius_m=face_radius_m)
     return ServoMotion(positioner, paths, timer, settings, travel, arm=arm, servo=servo)

@@ -21,6 +21,7 @@ from sim.world.anatomy.structures import Structure, is_pressable
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
 from sim.world.errors import MeshError
 from sim.world.ik.search import IkSearch
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.clearance import Clearance
 from sim.world.scene.scene import build_scene
@@ -54,6 +55,7 @@ class _Case:
     organ: Solid
     """In patient axes [m]."""
     cone: Cone
+    probe: ProbeModel
     points_m: NDArray[np.float64]
     """Points in the organ by which the seen share is judged, patient axes [m], shape (M, 3)."""
     structures: tuple[Structure, ...]
@@ -66,6 +68,7 @@ def best_turn_rad(
     organ: Solid,
     arm: ArmModel | None,
     cone: Cone,
+    probe: ProbeModel = EMBEDDED,
     *,
     structures: tuple[Structure, ...] = (),
     keepout_m: float = 0.0,
@@ -76,6 +79,7 @@ def best_turn_rad(
         organ: The organ in patient axes [m].
         arm: The arm that is to reach it; None for a free-flying probe, which reaches all that faces up.
         cone: What the probe sees.
+        probe: The probe that the arm carries.
         structures: What lies beside the organ, patient axes; those to keep away from are not pressed near.
         keepout_m: How near a pose may come to those [m].
 
@@ -86,7 +90,9 @@ def best_turn_rad(
     others = [(float(x), float(y), 0.0) for x, y in itertools.product(steps_rad, steps_rad)]
     turns = _distinct([ANTERIOR_UP, *others])
     points_m = organ.sample_inside(N_POINTS, np.random.default_rng(0))
-    case = _Case(organ=organ, cone=cone, points_m=points_m, structures=structures, keepout_m=keepout_m)
+    case = _Case(
+        organ=organ, cone=cone, points_m=points_m, probe=probe, structures=structures, keepout_m=keepout_m
+    )
     shares = np.array([_seen_share(case, turn, None) for turn in turns])
     if arm is None:
         return _clearly_best(turns, shares)
@@ -131,19 +137,21 @@ def _seen_share(case: _Case, turn: Turn, arm: ArmModel | None) -> float:
     positions_organ_m = (surface.positions_m - T[:3, 3]) @ T[:3, :3]
     counts = is_pressable(positions_organ_m, case.structures, case.keepout_m)
     if arm is not None and counts.any():
-        counts &= _reached(placed, surface, arm, case.cone)
+        counts &= _reached(placed, surface, arm, case.cone, case.probe)
     if not counts.any():
         return 0.0
     workspace = Workspace(surface.positions_m[counts], surface.normals[counts])
     return float(visible_points(workspace, case.cone, case.points_m @ T[:3, :3].T + T[:3, 3]).mean())
 
 
-def _reached(placed: PlacedOrgan, surface: SensingSurface, arm: ArmModel, cone: Cone) -> NDArray[np.bool_]:
+def _reached(
+    placed: PlacedOrgan, surface: SensingSurface, arm: ArmModel, cone: Cone, probe: ProbeModel
+) -> NDArray[np.bool_]:
     """Whether the arm reaches each pose, shape (N,), told by the nearest of those that it tries."""
     # Poses come in random order, so that the first ones lie all over the surface.
     positions_m, normals = surface.positions_m[:N_REACHED], surface.normals[:N_REACHED]
     anatomy = build_anatomy(placed.organ, name="candidate", rng=np.random.default_rng(0))
-    scene = build_scene(anatomy, cone, arm=arm)
+    scene = build_scene(anatomy, cone, arm=arm, probe=probe)
     search = IkSearch(scene, Clearance(scene, DistanceGrid.from_solid(placed.organ, margin_m=GRID_MARGIN_M)))
     answers = search.with_effort(max_restarts=RESTARTS).search(positions_m, normals)
     return np.asarray(answers.is_reached)[KDTree(positions_m).query(surface.positions_m)[1]]

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from planner import Workspace
-from sim.world.frames import frames_along
+from sim.world.frames import frames_along, quaternion_matrix
 from sim.world.ik.kinematics import Kinematics
 from sim.world.ik.result import IkResult, IkStatus
 from sim.world.ik.settings import IkSettings
@@ -95,6 +95,7 @@ class FreePositioner(Positioner):
         self._standoff_m = (settings or IkSettings()).standoff_m
         tip = scene.model.site(scene.tip_site)
         self._tip_in_body_m = scene.model.site_pos[tip.id].copy()
+        self._R_tip_body = quaternion_matrix(scene.model.site_quat[tip.id]).T
 
     def reach(self, pose: int) -> IkResult:
         """See `Positioner.reach`: always reached, without error."""
@@ -104,10 +105,10 @@ class FreePositioner(Positioner):
     def place(self, data: mujoco.MjData, pose: int, *, is_lifted: bool) -> None:
         """See `Positioner.place`."""
         normal = self.workspace.normals[pose]
-        R_world_probe = frames_along(normal[None])[0]
+        R_world_body = frames_along(normal[None])[0] @ self._R_tip_body
         tip_m = self.workspace.positions_m[pose] - (self._standoff_m if is_lifted else 0.0) * normal
-        data.mocap_pos[0] = tip_m - R_world_probe @ self._tip_in_body_m
-        mujoco.mju_mat2Quat(data.mocap_quat[0], R_world_probe.ravel())
+        data.mocap_pos[0] = tip_m - R_world_body @ self._tip_in_body_m
+        mujoco.mju_mat2Quat(data.mocap_quat[0], R_world_body.ravel())
         mujoco.mj_fwdPosition(data.model, data)
 
 

@@ -19,6 +19,7 @@ from sim.world.anatomy.placement import PlacedOrgan, lay_on_table, pose_matrix, 
 from sim.world.anatomy.structures import Structure, is_pressable
 from sim.world.anatomy.surface import SensingSurface, upper_surface_workspace
 from sim.world.errors import AnatomyError, MeshError
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.scene.arm import MODELS_DIR, ArmModel
 from sim.world.scene.base_room import check_base_room
 from sim.world.scene.scene import Scene, build_scene
@@ -64,6 +65,7 @@ class Setup:
     workspace: Workspace
     cone: Cone
     arm: ArmModel | None
+    probe: ProbeModel = EMBEDDED
     scene: Scene
     """The scene without tumours."""
     positioner: Positioner
@@ -80,7 +82,7 @@ class Setup:
     surface_distance_m: NDArray[np.float64]
     """Their distance to the organ's surface, shape (M,) [m]."""
     notices: tuple[str, ...] = ()
-    """What was repaired or is unusual about the files, the arm's among them."""
+    """What was repaired or is unusual about the files, those of arm and probe among them."""
 
     def on_lattice(self, values: NDArray[Any], *, outside: float | bool) -> NDArray[Any]:
         """Values of the search points on the whole query lattice, shape (X, Y, Z).
@@ -111,7 +113,11 @@ class Setup:
 
 
 def build_setup(
-    scenario: Scenario, arm: ArmModel | None = None, map_settings: MapSettings | None = None
+    scenario: Scenario,
+    arm: ArmModel | None = None,
+    map_settings: MapSettings | None = None,
+    *,
+    probe: ProbeModel = EMBEDDED,
 ) -> Setup:
     """The setup of a scenario: the organ is loaded and placed, and what follows from it is built.
 
@@ -119,16 +125,17 @@ def build_setup(
         scenario: What the setup is of.
         arm: The arm that carries the probe; None for a free-flying probe.
         map_settings: Gives the spacing of the hinges; None for the defaults.
+        probe: The probe; by default the embedded one.
 
     Raises:
-        WorldError: A mesh or the arm cannot be used.
+        WorldError: A mesh, the arm or the probe cannot be used.
     """
     map_settings = map_settings or MapSettings()
-    placed, notices = placed_organ(scenario, arm)
+    placed, notices = placed_organ(scenario, arm, probe)
     organ = placed.organ
     workspace = make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
-    scene = _empty_scene(scenario, placed, cone, arm)
+    scene = _empty_scene(scenario, placed, cone, arm, probe)
     reach_m = HINGE_REACH * map_settings.hinge_spacing_m
     organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
     positioner: Positioner = FreePositioner(scene, workspace)
@@ -151,6 +158,7 @@ def build_setup(
         workspace=workspace,
         cone=cone,
         arm=arm,
+        probe=probe,
         scene=scene,
         positioner=positioner,
         hinges=hinges,
@@ -184,11 +192,13 @@ def _check_scored(query: Lattice, n_points: int, scenario: Scenario) -> None:
     )
 
 
-def _empty_scene(scenario: Scenario, placed: PlacedOrgan, cone: Cone, arm: ArmModel | None) -> Scene:
+def _empty_scene(
+    scenario: Scenario, placed: PlacedOrgan, cone: Cone, arm: ArmModel | None, probe: ProbeModel
+) -> Scene:
     """The scene of a scenario without tumours."""
     rng = np.random.default_rng(0)
     empty = build_anatomy(placed.organ, name=scenario.name, rng=rng, structures=placed.structures)
-    return build_scene(empty, cone, arm=arm)
+    return build_scene(empty, cone, arm=arm, probe=probe)
 
 
 def _hinge_mask(
@@ -200,18 +210,21 @@ def _hinge_mask(
     return organ_distance.distance_m(hinges.points_m()) <= reach_m
 
 
-def placed_organ(scenario: Scenario, arm: ArmModel | None = None) -> tuple[PlacedOrgan, tuple[str, ...]]:
+def placed_organ(
+    scenario: Scenario, arm: ArmModel | None = None, probe: ProbeModel = EMBEDDED
+) -> tuple[PlacedOrgan, tuple[str, ...]]:
     """The organ in the world, with given tumours and structures, and the notices of their files.
 
     Args:
         scenario: What organ, and how it lies.
         arm: The arm within whose reach the organ is laid, where the scenario's placing is `best`.
+        probe: The probe that it carries.
 
     Raises:
         WorldError: A file cannot be used.
     """
     loaded = load_scenario_anatomy(scenario)
-    placed = _put_in_world(scenario, loaded, arm)
+    placed = _put_in_world(scenario, loaded, arm, probe)
     placed = placed.with_structures(loaded.structures).with_tumour_names(loaded.tumour_names)
     return placed.with_targets(loaded.targets, loaded.target_names), loaded.notices
 
@@ -230,7 +243,9 @@ def load_scenario_anatomy(scenario: Scenario) -> LoadedAnatomy:
     return load_anatomy(scenario.case_files or CaseFiles(organ=str(MODELS_DIR / "liver.stl")))
 
 
-def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | None) -> PlacedOrgan:
+def _put_in_world(
+    scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | None, probe: ProbeModel
+) -> PlacedOrgan:
     organ, tumours = loaded.organ, loaded.tumours
     if scenario.organ_position_m is not None and scenario.organ_quaternion is not None:
         T_world_organ = pose_matrix(scenario.organ_position_m, scenario.organ_quaternion)
@@ -242,7 +257,7 @@ def _put_in_world(scenario: Scenario, loaded: LoadedAnatomy, arm: ArmModel | Non
     if scenario.organ_placing == "best":
         cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
         keepout_m = scenario.keepout_distance_m
-        turn_rad = best_turn_rad(organ, arm, cone, structures=loaded.structures, keepout_m=keepout_m)
+        turn_rad = best_turn_rad(organ, arm, cone, probe, structures=loaded.structures, keepout_m=keepout_m)
     return lay_on_table(organ, tumours, R_world_organ=turned(turn_rad))
 
 

@@ -57,7 +57,7 @@ class Truth:
     @cached_property
     def scene(self) -> Scene:
         """The scene with the tumours in it, built on first use."""
-        return build_scene(self.anatomy, self.setup.cone, arm=self.setup.arm)
+        return build_scene(self.anatomy, self.setup.cone, arm=self.setup.arm, probe=self.setup.probe)
 
 
 def make_truth(setup: Setup, rng: np.random.Generator) -> Truth:

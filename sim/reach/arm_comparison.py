@@ -15,6 +15,7 @@ from sim.notices import Notify, print_notice
 from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.tables import markdown_table, write_csv
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.named_arms import NAMED_ARMS
 
@@ -46,6 +47,7 @@ def compare_arms(
     out: Path | str,
     settings: StudySettings | None = None,
     *,
+    probe: ProbeModel = EMBEDDED,
     notify: Notify = print_notice,
 ) -> dict[str, Any]:
     """Study several arms on one workspace, each into a folder of its own, and return the summary with their table.
@@ -55,6 +57,7 @@ def compare_arms(
         arms: The arms where they stand, by the names of their folders.
         out: The folder that holds these folders.
         settings: How each arm is studied.
+        probe: The probe that each of them carries.
         notify: Tells a notice; by default on stderr.
 
     Raises:
@@ -68,7 +71,7 @@ def compare_arms(
         check_parquet()
     with threadpool_limits(limits=1):
         first, *others = arms.values()
-        workcell = build_workcell(scenario, first)
+        workcell = build_workcell(scenario, first, probe)
         workcells = [workcell, *(workcell.with_arm(arm) for arm in others)]
         with RunFolder(out, overwrite=settings.overwrite) as folder:
             folder.begin({"options": dict(settings.options)}, {"seed": settings.seed})

@@ -20,6 +20,7 @@ from sim.record.run_folder import RunFolder
 from sim.world.ik.result import IkStatus
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
+from sim.world.probes.probe import EMBEDDED, ProbeModel, named_probe
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.base_room import BaseRoom
 from sim.world.scene.named_arms import named_arm
@@ -78,6 +79,7 @@ def reach_study(
     out: Path | str,
     settings: StudySettings | None = None,
     *,
+    probe: ProbeModel | str = EMBEDDED,
     name: str | None = None,
     notify: Notify = print_notice,
     **changes: Any,
@@ -89,6 +91,7 @@ def reach_study(
         arm: The arm where it stands, its name, or the path of its file.
         out: The folder.
         settings: How the arm is studied.
+        probe: The probe that it carries, or the path of its file; by default the embedded one.
         name: What to call the arm; by default its own name, or that of its file.
         notify: Tells a notice; by default on stderr.
         changes: Fields of `StudySettings` by name, in place of those of `settings`.
@@ -102,10 +105,13 @@ def reach_study(
         check_parquet()
     scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
     model = named_arm(arm) if isinstance(arm, str) else arm
+    carried = named_probe(probe) if isinstance(probe, str) else probe
     called = name or (arm if isinstance(arm, str) else model.path.stem)
     # BLAS pools of several processes would slow each other down.
     with threadpool_limits(limits=1):
-        return study_arm(build_workcell(scenario, model), settings, called, Path(out), notify).summary
+        return study_arm(
+            build_workcell(scenario, model, carried), settings, called, Path(out), notify
+        ).summary
 
 
 def study_arm(
@@ -166,6 +172,7 @@ def _summary(
     return {
         "scenario": workcell.scenario.name,
         "arm": name,
+        **({} if workcell.probe.path is None else {"probe": str(workcell.probe.path)}),
         "seed": settings.seed,
         "jobs": settings.n_jobs,
         "standoff_m": settings.standoff_m,

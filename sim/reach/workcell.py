@@ -14,6 +14,7 @@ from sim.world.anatomy.anatomy import build_anatomy
 from sim.world.anatomy.placement import PlacedOrgan
 from sim.world.ik.search import IkSearch
 from sim.world.ik.settings import IkSettings
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.base_room import check_base_room
 from sim.world.scene.clearance import Clearance
@@ -31,11 +32,12 @@ class Workcell:
     scenario: Scenario
     placed: PlacedOrgan
     """The organ in the world."""
+    probe: ProbeModel
     scene: Scene
     organ_distance: DistanceGrid
     clearance: Clearance
     notices: tuple[str, ...]
-    """What was repaired or is unusual about the files; what there is about the arm comes last."""
+    """What was repaired or is unusual about the files; what there is about arm and probe comes last."""
 
     @cached_property
     def workspace(self) -> Workspace:
@@ -43,12 +45,12 @@ class Workcell:
         return make_workspace(self.scenario, self.placed)
 
     def with_arm(self, arm: ArmModel) -> Workcell:
-        """The same organ before another arm.
+        """The same organ before another arm with the same probe.
 
         Raises:
             WorldError: The arm cannot be used.
         """
-        scene = _scene(self.scenario, self.placed, arm)
+        scene = _scene(self.scenario, self.placed, arm, self.probe)
         check_base_room(scene, self.organ_distance)
         of_organ = self.notices[: len(self.notices) - len(self.scene.notices)]
         return replace(
@@ -63,19 +65,20 @@ class Workcell:
         return IkSearch(self.scene, self.clearance, settings)
 
 
-def build_workcell(scenario: Scenario, arm: ArmModel) -> Workcell:
+def build_workcell(scenario: Scenario, arm: ArmModel, probe: ProbeModel = EMBEDDED) -> Workcell:
     """The workcell of a scenario, whose organ is loaded and placed before an arm.
 
     Raises:
-        WorldError: A mesh or the arm cannot be used.
+        WorldError: A mesh, the arm or the probe cannot be used.
     """
-    placed, notices = placed_organ(scenario, arm)
-    scene = _scene(scenario, placed, arm)
+    placed, notices = placed_organ(scenario, arm, probe)
+    scene = _scene(scenario, placed, arm, probe)
     organ_distance = DistanceGrid.from_solid(placed.organ, margin_m=ORGAN_MARGIN_M)
     check_base_room(scene, organ_distance)
     return Workcell(
         scenario=scenario,
         placed=placed,
+        probe=probe,
         scene=scene,
         organ_distance=organ_distance,
         clearance=Clearance(scene, organ_distance),
@@ -83,6 +86,7 @@ def build_workcell(scenario: Scenario, arm: ArmModel) -> Workcell:
     )
 
 
-def _scene(scenario: Scenario, placed: PlacedOrgan, arm: ArmModel) -> Scene:
+def _scene(scenario: Scenario, placed: PlacedOrgan, arm: ArmModel, probe: ProbeModel) -> Scene:
     anatomy = build_anatomy(placed.organ, name=scenario.name, rng=np.random.default_rng(0))
-    return build_scene(anatomy, Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m), arm=arm)
+    cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
+    return build_scene(anatomy, cone, arm=arm, probe=probe)

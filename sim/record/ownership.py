@@ -17,7 +17,7 @@ LOCK = ".lock"
 RUN_NAMES = re.compile(
     r"""config\.json | summary\.json | findings\.json | report\.html
     | (steps|skipped|states|structures|poses|tumours|false_findings|targets|target_false_findings)\.csv
-    | poses\.json | anatomy\.npz | map\.npz | visible\.npz | own_(target_)?map\.npz
+    | poses\.json | probe\.xml | anatomy\.npz | map\.npz | visible\.npz | own_(target_)?map\.npz
     | map_(target_)?(on_scan_)?(probability|standard_deviation|labels)\.nii\.gz
     | (auprc|precision_recall|map_top|map_side|map_target_top|map_target_side)\.png
     | (frames/\d+|frames/final)\.png | (motion|maps)/\d+\.npz | surfaces/mapped[^/]*

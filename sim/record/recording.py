@@ -16,12 +16,13 @@ from planner import Cone
 from sim.episode.motion import Motion
 from sim.errors import UsageError
 from sim.tables import read_rows
+from sim.world.probes.probe import DEFAULT, EMBEDDED, ProbeModel
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
 from .ownership import check_run_folder
-from .trajectories import read_anatomy, read_motions
+from .trajectories import PROBE, read_anatomy, read_motions
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,7 +68,7 @@ def read_recording(folder: Path) -> Recording:
     arm = None if options["arm"] == "none" else _arm(options)
     cone = Cone(scenario["cone_half_angle_rad"], scenario["cone_depth_m"])
     motions = read_motions(folder)
-    scene = build_scene(read_anatomy(folder), cone, arm=arm)
+    scene = build_scene(read_anatomy(folder), cone, arm=arm, probe=_probe(folder, options))
     width = scene.model.nq or 7
     if any(motion.states.shape[1] != width for motion in motions.values()):
         raise UsageError(
@@ -95,6 +96,11 @@ def _arm(options: dict[str, Any]) -> ArmModel:
         base_m=(x_mm * 1e-3, y_mm * 1e-3, z_mm * 1e-3),
         base_yaw_rad=math.radians(options["base_yaw_deg"]),
     )
+
+
+def _probe(folder: Path, options: dict[str, Any]) -> ProbeModel:
+    """The probe of a run as its folder keeps it; runs of older versions had the embedded one."""
+    return ProbeModel(path=folder / PROBE) if options.get("probe", DEFAULT) != DEFAULT else EMBEDDED
 
 
 def set_state(scene: Scene, data: mujoco.MjData, state: NDArray[np.float64]) -> None:

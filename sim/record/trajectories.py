@@ -16,11 +16,14 @@ from sim.errors import UsageError
 from sim.world.anatomy.anatomy import Anatomy, build_anatomy
 from sim.world.anatomy.structures import Structure
 from sim.world.errors import WorldError
+from sim.world.probes.probe import ProbeModel
 from sim.world.solids.solid import Solid
 
 from .run_folder import RunFolder
 
 ANATOMY = "anatomy.npz"
+PROBE = "probe.xml"
+"""A user's probe as the run had it, with its meshes, whatever becomes of the user's own file."""
 KEYS = ("time_s", "states", "tips_m", "phases")
 """Fields of a motion that are kept."""
 
@@ -56,6 +59,17 @@ def write_anatomy(folder: RunFolder, truth: Truth) -> None:
             "target_detection_is_attainable": truth.target.is_attainable,
         }
     folder.write_arrays(ANATOMY, compressed=True, **arrays)
+
+
+def write_probe(folder: RunFolder, probe: ProbeModel) -> None:
+    """Write a probe of the user's to probe.xml, so that a replay has it; nothing for the embedded one.
+
+    Raises:
+        ProbeError: Its file cannot be used any more.
+    """
+    rigid = probe.load()
+    if rigid is not None:
+        folder.write_text(PROBE, rigid.mjcf())
 
 
 def read_anatomy(folder: Path) -> Anatomy:

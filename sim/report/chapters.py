@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,11 @@ def lede(record: RunRecord) -> str:
     """How much was done with what, by which version and when."""
     n, arm = record.n_steps, record.options["arm"]
     positioner = "a free-flying probe" if arm == "none" else f"the {arm} arm"
+    probe = str(record.options.get("probe", "default"))
+    if probe != "default":
+        positioner += (
+            f" and the probe of {Path(probe).name}" if arm != "none" else f", that of {Path(probe).name}"
+        )
     day = str(record.manifest.get("started", ""))[:10]
     actions = "sensing action" if n == 1 else "sensing actions"
     commit = str(record.manifest.get("commit") or "")[:8]

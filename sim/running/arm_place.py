@@ -1,4 +1,4 @@
-"""The arm of a configuration, at a place that people tell in millimetres and degrees."""
+"""The arm of a configuration, at a place that people tell in millimetres and degrees, and the probe that it carries."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 from sim.errors import FieldError
 
 from .case import MM, metres
-from .config import EpisodeConfig
+from .config import DEFAULT_PROBE, EpisodeConfig
 
 if TYPE_CHECKING:
+    from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
 
 MAX_POSITION_MM = 10_000.0
@@ -31,6 +32,17 @@ def arm_of(config: EpisodeConfig) -> ArmModel | None:
         return None
     own = config.mounting
     return arm_standing(config.arm, own.flange, base_mm=own.base_mm, base_yaw_deg=own.base_yaw_deg)
+
+
+def probe_of(config: EpisodeConfig) -> ProbeModel:
+    """The probe of a configuration.
+
+    Raises:
+        WorldError: There is no such probe.
+    """
+    from sim.world.probes.probe import named_probe
+
+    return named_probe(config.probe)
 
 
 def arm_standing(
@@ -83,3 +95,10 @@ def arm_fields(arm: ArmModel | str) -> dict[str, Any]:
         "base_mm": tuple(each / MM for each in arm.base_m),
         "base_yaw_deg": math.degrees(arm.base_yaw_rad),
     }
+
+
+def probe_text(probe: ProbeModel | str) -> str:
+    """The text that names a probe in a configuration."""
+    if isinstance(probe, str):
+        return probe
+    return DEFAULT_PROBE if probe.path is None else str(probe.path)

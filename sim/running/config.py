@@ -24,6 +24,8 @@ MapName = Literal["paper", "calibrated"]
 PlanFor = Literal["tumours", "target"]
 ALWAYS, WHEN_NEEDED = "always", "when-needed"
 """The choices of when the built-in map is kept."""
+DEFAULT_PROBE = "default"
+"""The name of the embedded probe."""
 CONE = "cone"
 """The name of the paper's sensor, which is exact."""
 
@@ -148,8 +150,8 @@ class MovingConfig:
     press_mm: float = 2.0
     """How far below the surface servo motion sends the tip [mm]."""
     stiffness_n_m: float | None = None
-    """Stiffness of the organ under the tip in servo motion [N/m]; by default 87, that of healthy liver under the
-    probe's face."""
+    """Stiffness of the organ under the tip in servo motion [N/m]; by default that of healthy liver under the probe's
+    face, 87 for the embedded probe."""
     force_limit_n: float = 5.0
     """Contact force at which the arm stops and the run ends in servo motion [N]."""
     sensing_s: float = 2.0
@@ -198,6 +200,9 @@ class EpisodeConfig:
     arm: str = "default"
     """Arm that carries the probe: default (the embedded one with 7 joints), ur5e (with the extra `arms`), none (a
     free-flying probe), or the path of an MJCF file."""
+    probe: str = DEFAULT_PROBE
+    """Probe: default (the embedded one, straight and 160 mm long), or the path of an MJCF file that has a site named
+    tip."""
     frames: Frames = "none"
     """Pictures of the scene to draw: each (one per action), last (only the final one), or none."""
     out: Path | None = None

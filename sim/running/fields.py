@@ -168,7 +168,7 @@ def _absolute(name: str, value: Any) -> Any:
         return value.absolute()
     if isinstance(value, tuple):
         return tuple(_absolute(name, each) for each in value)
-    if name in ("scenario", "arm") and Path(value).suffix:
+    if name in ("scenario", "arm", "probe") and Path(value).suffix:
         return str(Path(value).absolute())
     return value
 

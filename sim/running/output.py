@@ -9,7 +9,7 @@ from typing import Any
 
 from sim.record.default_folders import default_folder, file_part
 
-from .config import EpisodeConfig, Frames
+from .config import DEFAULT_PROBE, EpisodeConfig, Frames
 from .parts import EpisodeParts
 
 DEFAULT_ARM = "default"
@@ -34,6 +34,7 @@ def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, 
     """What a configuration writes, and where: by default to a new folder that is named by what runs."""
     words = [parts.scenario.name, file_part(str(parts.names["planner"]))]
     words += [] if config.arm == DEFAULT_ARM else [file_part(config.arm)]
+    words += [] if config.probe == DEFAULT_PROBE else [file_part(config.probe)]
     name = "-".join([*words, str(config.seed)])
     return Output(
         folder=config.out or default_folder(name, options, overwrite=config.output.overwrite),

@@ -15,12 +15,13 @@ from sim.errors import FieldError, UsageError
 from sim.plugs import MAP, PLANNER, SENSOR, load_plug, make_plug, parse_plug_options
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
-from .arm_place import arm_of
+from .arm_place import arm_of, probe_of
 from .case import MM, scenario_changes
 from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
 
 if TYPE_CHECKING:
+    from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
 
@@ -42,6 +43,7 @@ class EpisodeParts:
     """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
     arm: ArmModel | None
     """The arm where it stands; None for a free-flying probe."""
+    probe: ProbeModel
     motion: MotionKind
     motion_settings: MotionSettings
     servo_settings: ServoSettings
@@ -55,7 +57,7 @@ class EpisodeParts:
     plans_for_target: bool
     """Whether the planner is shown the map of a second class in place of the tumours'."""
     names: dict[str, Any]
-    """What planner and arm are called in summaries."""
+    """What planner, arm and probe are called in summaries."""
 
     @property
     def keeps_map(self) -> bool:
@@ -99,6 +101,7 @@ def make_parts(
         map_settings=settings,
         detail=detail_of(config, planner),
         arm=arm_of(config),
+        probe=probe_of(config),
         motion=config.moving.motion,
         motion_settings=motion_settings_of(config),
         servo_settings=servo_settings_of(config),
@@ -107,7 +110,7 @@ def make_parts(
         until_sensed=config.until_sensed,
         until_confident=config.until_confident,
         plans_for_target=config.planning.plan_for == "target",
-        names={"planner": config.planner, "arm": config.arm},
+        names={"planner": config.planner, "arm": config.arm, "probe": config.probe},
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from contextlib import ExitStack
 from dataclasses import replace
@@ -26,9 +27,9 @@ from sim.pictures.frames import EpisodeFrames, frame_renderer
 from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
 from sim.record.step_files import write_map, write_own_maps, write_step
-from sim.record.trajectories import write_anatomy, write_motion
+from sim.record.trajectories import write_anatomy, write_motion, write_probe
 
-from .arm_place import arm_fields
+from .arm_place import arm_fields, probe_text
 from .config import EpisodeConfig
 from .config_file import cannot_repeat, recorded_config, run_config
 from .fields import changed, read_config, without_options_of
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from mapping import TumourMapFactory
     from sim.episode.scenario import Scenario
     from sim.findings.findings import Findings
+    from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
 
@@ -58,6 +60,7 @@ def run_episode(
     sensor: Sensor | str | None = None,
     tumour_map: TumourMapFactory | str | None = None,
     arm: ArmModel | str | None = None,
+    probe: ProbeModel | str | None = None,
     config: Path | str | None = None,
     show_progress: bool = True,
     **options: Any,
@@ -72,6 +75,7 @@ def run_episode(
         tumour_map: What makes the map, such as a class of one's own; or the text that names one, `always` (the default)
             or `when-needed`.
         arm: An arm where it stands, or the text that names one; by default the embedded one.
+        probe: A probe, or the path of its file; by default the embedded one.
         config: The config.json of an earlier run, which is run again; what is given beside it takes precedence.
         show_progress: Draw a progress bar and print notes on stderr.
         options: All other fields of an `EpisodeConfig` by name: `steps=10, seed=3, out="renders/mine", arm="none"`.
@@ -91,14 +95,11 @@ def run_episode(
         if config is None
         else without_options_of(read_config(Path(config)), [*named, *brought])
     )
-    run = changed(base, **named, **(options if arm is None else options | arm_fields(arm)))
-    parts = make_parts(
-        run,
-        scenario=brought.get("scenario"),
-        planner=brought.get("planner"),
-        sensor=brought.get("sensor"),
-        make_map=brought.get("map"),
-    )
+    standing = {} if arm is None else arm_fields(arm)
+    carried = {} if probe is None else {"probe": probe_text(probe)}
+    run = changed(base, **named, **(options | standing | carried))
+    things = {"make_map" if name == "map" else name: thing for name, thing in brought.items()}
+    parts = make_parts(run, **things)
     record = recorded_config(run, brought)
     parts = replace(parts, names=parts.names | {"planner": record["planner"]})
     output = replace(output_of(run, parts, record), cannot_repeat=cannot_repeat(brought))
@@ -159,7 +160,7 @@ def record_episode(
     check_out_folder(output.folder, overwrite=output.overwrite)
     # With one BLAS thread the bytes repeat, and the pools of NumPy and SciPy do not slow each other down.
     with threadpool_limits(limits=1), ExitStack() as stack:
-        setup = setup or build_setup(parts.scenario, parts.arm, parts.map_settings)
+        setup = setup or build_setup(parts.scenario, parts.arm, parts.map_settings, probe=parts.probe)
         episode = make_episode(parts, setup)
         renderer = None
         if output.frames != "none":
@@ -169,6 +170,7 @@ def record_episode(
         config = run_config(parts, setup, output.options, output.cannot_repeat) | {"notices": notices}
         folder.begin(config, {"seed": parts.seed})
         write_anatomy(folder, episode.truth)
+        write_probe(folder, parts.probe)
         for notice in notices if show_progress else ():
             notify(notice)
         run = _EpisodeRun(parts, output, folder, episode, EpisodeFrames(folder.path, episode, renderer))
@@ -275,7 +277,7 @@ class _EpisodeRun:
             folder.append_row("structures.csv", row)
         if totals.steps:
             draw_run_figures(folder.path, episode, totals.steps)
-        findings = write_results(load_run(folder.path))
+        findings = write_results(dataclasses.replace(load_run(folder.path), summary=summary))
         summary |= lesion_measures(findings)
         folder.write_json("summary.json", summary)
         self._publish(findings)

@@ -99,9 +99,10 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
         UsageError: A value is out of range.
     """
     own = config.moving
-    changes = {} if own.stiffness_n_m is None else {"stiffness_n_m": own.stiffness_n_m}
     try:
-        return ServoSettings(press_m=own.press_mm * MM, force_limit_n=own.force_limit_n, **changes)
+        return ServoSettings(
+            press_m=own.press_mm * MM, force_limit_n=own.force_limit_n, stiffness_n_m=own.stiffness_n_m
+        )
     except ValueError as error:
         raise in_fields(config, error) from error
 

@@ -14,6 +14,8 @@ from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
 from sim.episode.step import Step
 from sim.episode.target_belief import TargetBelief
 
+from .config import DEFAULT_PROBE
+
 
 @dataclass
 class Totals:
@@ -61,7 +63,7 @@ def episode_summary(
         totals: The totals of its steps.
         metrics: Scores of its map; None without a map.
         seed: Seed of the episode.
-        names: What `planner` and `arm` are called.
+        names: What `planner`, `arm` and `probe` are called; the embedded probe is not told of.
     """
     last = totals.steps[-1] if totals.steps else None
     tumour_of = episode.truth.anatomy.tumour_of(episode.setup.search_points_m)
@@ -69,6 +71,7 @@ def episode_summary(
         "scenario": episode.setup.scenario.name,
         "planner": names["planner"],
         "arm": names["arm"],
+        **({} if names.get("probe", DEFAULT_PROBE) == DEFAULT_PROBE else {"probe": names["probe"]}),
         "seed": seed,
         "n_sensings": len(totals.steps),
         "sensings_to_95": totals.sensings_to_95,

@@ -11,6 +11,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from page_commands import PAGES, ROOT, Command, all_commands, blocks, make_clone, provide_files
 
@@ -23,6 +24,8 @@ from sim.plugs import MAP, PLANNER, SENSOR
 from sim.running.config import EpisodeConfig
 from sim.running.fields import recorded
 from sim.running.parts import check_config
+from sim.world.frames import quaternion_matrix
+from sim.world.probes.probe import ProbeModel
 from sim.world.scene.arm import ArmModel
 
 OTHER_PROGRAMS = {"pip", "dask", "sounding"}
@@ -142,7 +145,22 @@ def test_every_key_of_a_scenario_file_is_on_its_page() -> None:
     assert named == {"base", "label_coding", *fields, *FILE_KEYS, *LABEL_KEYS, *READING_KEYS}
 
 
-@pytest.mark.parametrize(("page", "text"), files("xml"), ids=lambda each: each[:20])
+ARMS = [each for each in files("xml") if each[0] != "probe.md"]
+PROBES = [each for each in files("xml") if each[0] == "probe.md"]
+
+
+@pytest.mark.parametrize(("page", "text"), PROBES)
+def test_every_probe_can_be_used(page: str, text: str, tmp_path) -> None:
+    (tmp_path / "probe.xml").write_text(text)
+    probe = ProbeModel(path=tmp_path / "probe.xml").load()
+    assert probe is not None
+    assert probe.notices == ()
+    # The text says 45 degrees: the beam halves the right angle between the flange's +z and its +x.
+    beam = quaternion_matrix(probe.tip.quaternion)[:, 2]
+    np.testing.assert_allclose(beam, [np.sqrt(0.5), 0.0, np.sqrt(0.5)], atol=1e-9)
+
+
+@pytest.mark.parametrize(("page", "text"), ARMS, ids=lambda each: each[:20])
 def test_every_arm_can_be_used(page: str, text: str, tmp_path) -> None:
     (tmp_path / "arm.xml").write_text(text)
     arm = ArmModel(path=tmp_path / "arm.xml").load()

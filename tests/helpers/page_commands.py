@@ -23,6 +23,7 @@ SHORTER = (
     ("--study paper", "--study paper --planner random --seeds 4:5 --steps 2"),
     (r"--seeds 5000:5100", "--seeds 5000:5001"),
     (r"--seeds 0:1000", "--seeds 0:1 --steps 2"),
+    (r"bound (--scenario \w+) --seeds 0:100 --places 2500", r"bound \1 --seeds 0:2 --places 10"),
     ("--base-search 200", "--base-search 10 --base-poses 50"),
     ("sounding episode --organ", "sounding episode --steps 2 --overwrite --organ"),  # one folder, many ways
 )
@@ -50,6 +51,7 @@ CLONED = (
 BLOCK_FILES = {
     "arm.md": "post.xml",
     "plugs.md": "study.toml",
+    "probe.md": "bent.xml",
     "reach.md": "gantry.xml",
     "scenario.md": "case.toml",
     "trials.md": "study.toml",

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from sim.colours import INK, MAP, PROBE, rgba
-from sim.world.scene.gl import REMEDY, RenderingError, install_backend
 from sim.world.scene.scene import Group, Scene
 
 from .extent import arm_corners_m, organ_corners_m, probe_corners_m
+from .gl import REMEDY, RenderingError, install_backend
 from .viewpoint import Margins, Viewpoint, viewpoint_of
 
 SENSED_RGBA = rgba(PROBE)

@@ -224,12 +224,15 @@ class IkSearch:
         errors = np.column_stack(pose_errors(self.chain.forward(home), positions_m, normals))
         q = self.chain.full(self.chain.home)
         R_world_tip = frames_along(normals)
+        slack_m = self.settings.slack_m(self.clearance.probe.reach_m)
+        # What the turn about the beam leaves free is decided by each configuration.
+        is_tight |= not self.clearance.probe.is_round
         lifts_m = (0.0, self.settings.standoff_m) if self.settings.standoff_m > 0 else (0.0,)
         for lift_m in lifts_m:
             at_m = positions_m - lift_m * normals
             too_far_m = self.too_far_m(at_m, normals)
-            probe_m, geom = self.clearance.probe_distances(at_m, R_world_tip)
-            is_tight |= probe_m < SURE_M + self.settings.slack_m
+            probe_m, geom = self.clearance.best_turn_distances(at_m, R_world_tip)
+            is_tight |= probe_m < SURE_M + slack_m
             place = "above the pose" if lift_m else "at the pose"
             for row in np.flatnonzero((too_far_m > 0.0) | (probe_m < PROBE_MARGIN_M)).tolist():
                 if results[row] is not None:

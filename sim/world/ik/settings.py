@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PROBE_LENGTH_M = 0.16
-"""Length of the embedded probe, the lever with which a turn of the beam moves its far end."""
 MOST_PADDING_M = 0.03
 """The distance to the organ is known this far around it and farther [m]; beyond, only bounds are."""
 
@@ -56,7 +54,10 @@ class IkSettings:
         if self.n_compared < 1 or self.start_seed < 0:
             raise ValueError(f"n_compared={self.n_compared}, start_seed={self.start_seed}: at least 1 and 0.")
 
-    @property
-    def slack_m(self) -> float:
-        """How far a point of the probe can be from where it is at the exact pose, within the tolerances [m]."""
-        return self.position_tolerance_m + PROBE_LENGTH_M * self.angle_tolerance_rad
+    def slack_m(self, reach_m: float) -> float:
+        """How far a point of the probe can be from where it is at the exact pose, within the tolerances [m].
+
+        Args:
+            reach_m: How far the probe reaches from its tip, the lever with which a turn of the beam moves its end [m].
+        """
+        return self.position_tolerance_m + reach_m * self.angle_tolerance_rad

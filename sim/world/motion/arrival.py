@@ -14,8 +14,8 @@ import numpy as np
 from sim.world.ik.chain import ChainState
 
 TIP_TOLERANCE_M = 0.003
-"""A tip farther than this from where it was sent is not there [m]. The probe's face has a radius of 8 mm, so it still
-lies over the pose."""
+"""A tip farther than this from where it was sent is not there [m]. The embedded probe's face has a radius of 8 mm, so
+it still lies over the pose."""
 BEAM_TOLERANCE_RAD = np.deg2rad(2.0)
 """Nor is a beam turned by more than this [rad]: at the end of a cone of 100 mm that is 3.5 mm, about as much."""
 

@@ -14,6 +14,7 @@ from sim.world.ik.chain import Array, Chain
 from sim.world.scene.clearance import ARM_MARGIN_M, Clearance, Collision
 from sim.world.scene.clearance_meter import ClearanceMeter, Clearances
 from sim.world.scene.geom_shapes import axis_spheres
+from sim.world.scene.probe_surface import COVER_M, strewn_points
 from sim.world.scene.scene import Scene
 from sim.world.solids.distance_grid import DistanceGrid
 
@@ -157,7 +158,11 @@ def _lever_m(model: mujoco.MjModel, joint: int, geom: int) -> float:
 
 
 def _probe_spheres(scene: Scene) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Spheres that hold the probe: centres in the tip's frame (N, 3) [m], radii (N,) [m], and their geoms."""
+    """Spheres that hold the probe's surface: centres in the tip's frame (N, 3) [m], radii (N,) [m], and their geoms.
+
+    One sphere holds the embedded probe's clamp, which never comes near the organ. Any other geom that is no capsule is
+    held by many small ones.
+    """
     model = scene.model
     tip = model.site(scene.tip_site).id
     R_body_tip = quaternion_matrix(model.site_quat[tip])
@@ -171,6 +176,9 @@ def _probe_spheres(scene: Scene) -> tuple[Array, Array, NDArray[np.int64]]:
         ):
             at_m, radius_m = axis_spheres(model, geom)
             radius_m = radius_m * (1.0 + CAPSULE_SHORTFALL)
+        elif scene.has_own_probe:
+            at_m = strewn_points(model, geom)
+            radius_m = np.full(len(at_m), COVER_M)
         else:
             at_m, radius_m = np.zeros((1, 3)), model.geom_rbound[geom : geom + 1].copy()
         in_body_m = at_m @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]

@@ -18,7 +18,7 @@ from sim.world.ik.chain import Array, Chain
 from sim.world.scene.scene import Scene
 
 from .contact_surface import ContactSurface
-from .settings import ServoSettings
+from .settings import FACE_M, LIVER_YOUNG_PA, ServoSettings, punch_stiffness_n_m
 
 PANDA_KP = (4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0)
 """Gains of the servos of MuJoCo Menagerie's Panda [N m / rad]; damping a tenth of them [N m s / rad]."""
@@ -57,10 +57,14 @@ class ServoArm:
         settings: ServoSettings,
         *,
         is_panda: bool,
+        face_radius_m: float = FACE_M,
     ) -> None:
         """Prepare the copy: it has no actuators but the servos, whose damping is put into the joints, and no weight."""
         model = self.model = copy.copy(scene.model)
         self._organ, self._settings = organ, settings
+        own_n_m = punch_stiffness_n_m(LIVER_YOUNG_PA, face_radius_m)
+        self.stiffness_n_m = own_n_m if settings.stiffness_n_m is None else settings.stiffness_n_m
+        """The spring under the tip [N/m]."""
         self._tip = model.site(scene.tip_site).id
         # The weight of every body is compensated, as gravcomp="1" does, also of arms whose files do not say so.
         model.opt.gravity[:] = 0.0
@@ -133,7 +137,7 @@ class ServoArm:
         mujoco.mj_jacSite(self.model, self.data, self._jacobian, None, self._tip)
         inward_m_s = -float(outward @ self._jacobian @ self.data.qvel)
         settings = self._settings
-        return max(0.0, settings.stiffness_n_m * depth_m + settings.damping_n_s_m * inward_m_s), outward
+        return max(0.0, self.stiffness_n_m * depth_m + settings.damping_n_s_m * inward_m_s), outward
 
     def _force(self) -> tuple[float, Array]:
         """The contact force [N] and its direction; far from the organ it is not looked for in every step."""

@@ -14,7 +14,7 @@ LIVER_YOUNG_PA = 4100.0
 """Young's modulus of healthy liver, mean of 530 people by transient elastography (4.1 kPa, standard deviation 0.89):
 Fung et al., Defining normal liver stiffness range in a normal healthy Chinese population, PLoS ONE 8(12), 2013."""
 FACE_M = 0.008
-"""Radius of the probe's face."""
+"""Radius of the face of a probe that names none, as of the embedded one."""
 POISSON = 0.5
 """Soft tissue hardly changes its volume."""
 
@@ -53,8 +53,9 @@ class MotionSettings:
 class ServoSettings:
     """The simulated arm and what it touches."""
 
-    stiffness_n_m: float = punch_stiffness_n_m(LIVER_YOUNG_PA)
-    """Spring of the organ's surface under the tip [N/m]: 87 for healthy liver."""
+    stiffness_n_m: float | None = None
+    """Spring of the organ's surface under the tip [N/m]; None for that of healthy liver under a flat disc with the area
+    of the probe's face, which is 87 for the embedded probe."""
     damping_n_s_m: float = 2.0
     """Damper beside it [N s/m]. It is our own choice: it calms the contact within some hundredths of a second."""
     force_limit_n: float = 5.0
@@ -68,7 +69,7 @@ class ServoSettings:
         """Validate the ranges."""
         for name in ("stiffness_n_m", "force_limit_n"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0.0):
+            if value is not None and not (np.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name}={value}: must be a positive, finite number.")
         for name in ("damping_n_s_m", "settle_s"):
             value = getattr(self, name)

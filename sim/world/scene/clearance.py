@@ -2,8 +2,8 @@
 
 Contacts with the table and of the arm with itself come from MuJoCo. The organ is different: MuJoCo would touch its
 convex hull, so its clearance is read from a signed distance grid of the true surface: at spheres along the capsules of
-the arm, at the triangles of all its other geoms, a mesh's own, and at points on the probe. Only the probe's face,
-within `FACE_RADIUS_M` of the tip, may touch the organ.
+the arm, at the triangles of all its other geoms, a mesh's own, and at points on the probe. Only the probe's face may
+touch the organ; `probe_surface.py` tells what that is.
 """
 
 from __future__ import annotations
@@ -14,26 +14,22 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.frames import quaternion_matrix
 from sim.world.solids.distance_grid import DistanceGrid
 
 from .geom_shapes import GeomSurface, SphereCover, axis_spheres
+from .probe_surface import ProbeSurface
 from .scene import Scene
 
-FACE_RADIUS_M = 0.008
-"""The probe's face: the part of the probe that is meant to touch the organ."""
 ARM_MARGIN_M = 0.003
 """Room kept between organ and arm [m]; it covers the grid's interpolation error and what spheres leave out."""
 PROBE_MARGIN_M = 0.0
 """The probe's flanks may come as close as they like, but not under the surface."""
-SURFACE_SPACING_M = 0.004
-"""Spacing of the points that stand for a probe geom's surface."""
 FAR_M = 0.1
 """Distances beyond this are not measured further when many states are looked at."""
 PROBE_FAR_M = 0.003
 """The same for the probe, whose work is near the organ."""
-LEAST_SIZE_M = 1e-9
-"""An ellipsoid thinner than this is taken for as thin as this [m]."""
+ROLLS = 36
+"""Turns about the beam at which a probe that is not round is held against the organ."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +56,22 @@ class Clearance:
         self._model = model
         self.organ_distance = organ_distance
         self._tip_id = model.site(scene.tip_site).id
-        self._geoms = np.array(sorted(scene.arm_geoms), dtype=np.int64)
+        geoms = sorted(scene.arm_geoms)
+        probe = [geom for geom in geoms if model.geom_bodyid[geom] == model.site_bodyid[self._tip_id]]
+        self.probe = ProbeSurface(model, probe, self._tip_id, is_own=scene.has_own_probe)
+        # A geom that is all face may touch the organ.
+        all_face = set(probe) - self.probe.in_geom_m.keys()
+        self._geoms = np.array([geom for geom in geoms if geom not in all_face], dtype=np.int64)
         self._is_fixed = model.body_weldid[model.geom_bodyid] == 0
         is_probe = model.geom_bodyid[self._geoms] == model.site_bodyid[self._tip_id]
         self._margin_m = np.where(is_probe, PROBE_MARGIN_M, ARM_MARGIN_M)
         self._is_probe = is_probe
         self._shapes: dict[int, SphereCover | GeomSurface] = {
-            geom: _shape(model, geom, self._tip_id if probe else None)
+            geom: _points(self.probe.in_geom_m[geom]) if probe else _shape(model, geom)
             for geom, probe in zip(self._geoms.tolist(), is_probe.tolist(), strict=True)
         }
         # How far a geom reaches from its own origin.
         self._bound_m = np.array([shape.reach_m for shape in self._shapes.values()])
-        self._probe_points_m = _in_tip_frame(model, self._geoms[is_probe].tolist(), self._tip_id)
 
     def collision(self, data: mujoco.MjData) -> Collision | None:
         """The worst forbidden contact of a state, or None when it is free.
@@ -97,34 +97,23 @@ class Clearance:
                 return Collision((self.name(geom), "organ"), distance_m)
         return None
 
-    def probe_collision(self, T_world_probe: NDArray[np.float64]) -> Collision | None:
-        """How the probe itself, with its tip at this frame, would enter the organ; None where it would not.
-
-        Only a roll about the beam could mend such a pose, and the embedded probe is round.
-
-        Args:
-            T_world_probe: Frame of the tip, shape (4, 4).
-        """
-        distance_m, geom = self.probe_distances(T_world_probe[None, :3, 3], T_world_probe[None, :3, :3])
-        if distance_m[0] >= PROBE_MARGIN_M:
-            return None
-        return Collision((self.name(int(geom[0])), "organ"), float(distance_m[0]))
-
     def probe_distances(
-        self, tips_m: NDArray[np.float64], R_world_tip: NDArray[np.float64]
+        self, tips_m: NDArray[np.float64], R_world_tip: NDArray[np.float64], *, turn_rad: float = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """How far the probe, but for its face, is from the organ at many frames of its tip.
 
         Args:
             tips_m: Positions of the tip [m], shape (N, 3).
             R_world_tip: Its orientations, shape (N, 3, 3).
+            turn_rad: Half the range of turns about the beam that is meant: no point of the probe is farther from the
+                organ in any of them than it is said to be.
 
         Returns:
             Signed distances [m] and ids of the closest geoms, shape (N,) each. Beyond `PROBE_FAR_M` it is
             a lower bound.
         """
         least_m, closest = np.full(len(tips_m), np.inf), np.zeros(len(tips_m), dtype=np.int64)
-        for geom, points_m in self._probe_points_m.items():
+        for geom, points_m in self.probe.in_tip_m.items():
             centre_m = points_m.mean(axis=0)
             reach_m = float(np.linalg.norm(points_m - centre_m, axis=1).max())
             distance_m = self.organ_distance.distance_m(tips_m + R_world_tip @ centre_m) - reach_m
@@ -133,12 +122,45 @@ class Clearance:
                 least_m = np.minimum(least_m, distance_m)
                 continue
             world_m = tips_m[near, None] + points_m @ R_world_tip[near].transpose(0, 2, 1)
-            distance_m[near] = (
-                self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(points_m)).min(axis=1)
-            )
+            of_points_m = self.organ_distance.distance_m(world_m.reshape(-1, 3)).reshape(-1, len(points_m))
+            if turn_rad:
+                of_points_m += turn_rad * np.hypot(points_m[:, 0], points_m[:, 1])
+            distance_m[near] = of_points_m.min(axis=1)
             is_less = distance_m < least_m
             least_m, closest = np.where(is_less, distance_m, least_m), np.where(is_less, geom, closest)
         return least_m, closest
+
+    def best_turn_distances(
+        self, tips_m: NDArray[np.float64], R_world_tip: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """No less than how far the probe, but for its face, can be from the organ, however it is turned about its beam.
+
+        A round probe is the same in all turns. Any other is looked at in `ROLLS` of them; between two of these a point
+        moves by no more than its distance from the beam times half the turn, which is added to its distance. So a room
+        below 0 is a proof that the probe enters the organ, and one of 0 or more is none that it does not.
+
+        Args:
+            tips_m: Positions of the tip [m], shape (N, 3).
+            R_world_tip: Its orientations, at any turn about the beam, shape (N, 3, 3).
+
+        Returns:
+            Distances [m] and ids of the closest geoms in the best turn, shape (N,) each.
+        """
+        if self.probe.is_round:
+            return self.probe_distances(tips_m, R_world_tip)
+        room_m, closest = np.full(len(tips_m), -np.inf), np.zeros(len(tips_m), dtype=np.int64)
+        for turn_rad in np.arange(ROLLS) * (2.0 * np.pi / ROLLS):
+            rows = np.flatnonzero(room_m < PROBE_MARGIN_M)
+            if not len(rows):
+                break
+            cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+            R_turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            found_m, geom = self.probe_distances(
+                tips_m[rows], R_world_tip[rows] @ R_turn, turn_rad=np.pi / ROLLS
+            )
+            is_better = found_m > room_m[rows]
+            room_m[rows[is_better]], closest[rows[is_better]] = found_m[is_better], geom[is_better]
+        return room_m, closest
 
     def arm_distances(
         self, geoms_m: NDArray[np.float64], R_world_geoms: NDArray[np.float64]
@@ -180,78 +202,13 @@ class Clearance:
         return self._model.geom(geom).name or body
 
 
-def _in_tip_frame(model: mujoco.MjModel, geoms: list[int], tip_id: int) -> dict[int, NDArray[np.float64]]:
-    """The points of each of the probe's geoms in the tip's frame [m], shape (N, 3)."""
-    R_body_tip = quaternion_matrix(model.site_quat[tip_id])
-    return {
-        geom: (_in_body(model, geom, _probe_points(model, geom, tip_id)) - model.site_pos[tip_id])
-        @ R_body_tip
-        for geom in geoms
-    }
+def _points(points_m: NDArray[np.float64]) -> SphereCover:
+    return SphereCover(points_m, np.zeros(len(points_m)))
 
 
-def _shape(model: mujoco.MjModel, geom: int, tip_id: int | None) -> SphereCover | GeomSurface:
-    """What stands for one geom: points if it is the probe's, with that tip."""
-    if tip_id is not None:
-        points_m = _probe_points(model, geom, tip_id)
-        return SphereCover(points_m, np.zeros(len(points_m)))
+def _shape(model: mujoco.MjModel, geom: int) -> SphereCover | GeomSurface:
+    """What stands for a geom of the arm."""
     # int() for MuJoCo's enums: `in` compares them with NumPy's integers the wrong way round and finds nothing.
     if int(model.geom_type[geom]) in (int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_SPHERE)):
         return SphereCover(*axis_spheres(model, geom))
     return GeomSurface(model, geom)
-
-
-def _probe_points(model: mujoco.MjModel, geom: int, tip_id: int) -> NDArray[np.float64]:
-    """Points on one of the probe's geoms, but not on its face, in the geom's frame [m], shape (N, 3)."""
-    points_m = surface_points(model, geom)
-    from_tip_m = _in_body(model, geom, points_m) - model.site_pos[tip_id]
-    return points_m[np.linalg.norm(from_tip_m, axis=1) > FACE_RADIUS_M]
-
-
-def _in_body(model: mujoco.MjModel, geom: int, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points in a geom's frame, taken to its body's [m], shape (N, 3)."""
-    return points_m @ quaternion_matrix(model.geom_quat[geom]).T + model.geom_pos[geom]
-
-
-def surface_points(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """Points on a geom's surface in its own frame [m], shape (N, 3)."""
-    kind, size = model.geom_type[geom], model.geom_size[geom]
-    # Every other primitive is a convex body about its centre: shoot an even set of directions at its boundary.
-    n = int(np.clip(4.0 * np.pi * (float(np.max(size)) / SURFACE_SPACING_M) ** 2, 60, 250))
-    directions = _even_directions(n)
-    return directions * _boundary_range(kind, size, directions)[:, None]
-
-
-def _boundary_range(
-    kind: int, size: NDArray[np.float64], directions: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distance [m] from a primitive's centre to its boundary along each direction."""
-    low, high = np.zeros(len(directions)), np.full(len(directions), 2.0 * float(np.linalg.norm(size)))
-    # The bodies are star-shaped about their centre, so bisection finds the boundary.
-    for _ in range(40):
-        middle = (low + high) / 2.0
-        inside = _contains(kind, size, directions * middle[:, None])
-        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return low
-
-
-def _contains(kind: int, size: NDArray[np.float64], points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether points lie in a primitive, in its own frame."""
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return np.all(np.abs(points_m) <= size, axis=1)
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        return np.linalg.norm(points_m / np.maximum(size, LEAST_SIZE_M), axis=1) <= 1.0
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return (np.hypot(points_m[:, 0], points_m[:, 1]) <= size[0]) & (np.abs(points_m[:, 2]) <= size[1])
-    half_m = size[1] if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else 0.0
-    beyond_m = np.maximum(np.abs(points_m[:, 2]) - half_m, 0.0)
-    return np.hypot(np.hypot(points_m[:, 0], points_m[:, 1]), beyond_m) <= size[0]
-
-
-def _even_directions(n: int) -> NDArray[np.float64]:
-    """Unit vectors spread evenly over the sphere (Fibonacci lattice), shape (n, 3)."""
-    i = np.arange(n) + 0.5
-    z = 1.0 - 2.0 * i / n
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * i
-    ring = np.sqrt(1.0 - z**2)
-    return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sim.world.arms.errors import ArmError
 from sim.world.arms.mujoco_messages import MUJOCO_ERRORS, caught_warnings, whole_message
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 
 from .arm import MODELS_DIR, ArmModel
 from .groups import Group
@@ -30,20 +31,30 @@ class Mounted:
     path: Path | None = None
     """The arm's file; None for a probe that no arm carries."""
     notices: tuple[str, ...] = ()
-    """What is unusual about the arm."""
+    """What is unusual about arm and probe."""
 
 
-def mount(spec: mujoco.MjSpec, arm: ArmModel | None) -> Mounted:
+def mount(spec: mujoco.MjSpec, arm: ArmModel | None, model: ProbeModel = EMBEDDED) -> Mounted:
     """Put the probe into a scene, on an arm or flying freely.
+
+    Args:
+        spec: The scene.
+        arm: The arm; None for a probe that flies freely.
+        model: The probe.
 
     Raises:
         ArmError: The arm cannot be used; see `ArmModel.load`.
+        ProbeError: The probe cannot be used; see `ProbeModel.load`.
     """
-    probe = mujoco.MjSpec.from_file(str(MODELS_DIR / "probe.xml"))
+    rigid = model.load()
+    if rigid is None:
+        probe, remarks = mujoco.MjSpec.from_file(str(MODELS_DIR / "probe.xml")), ()
+    else:
+        probe, remarks = mujoco.MjSpec.from_string(rigid.mjcf()), rigid.notices
     if arm is None:
         probe.body("probe").mocap = True
         spec.attach(probe, prefix="probe_", frame=spec.worldbody.add_frame())
-        return Mounted()
+        return Mounted(notices=remarks)
     loaded = arm.load()
     # Rays choose what they meet by these groups.
     for geom in loaded.spec.geoms:
@@ -60,7 +71,7 @@ def mount(spec: mujoco.MjSpec, arm: ArmModel | None) -> Mounted:
         spec.attach(loaded.spec, prefix="arm_", frame=base.add_frame())
         spec.attach(probe, prefix="probe_", site=spec.site(f"arm_{loaded.flange}"))
     _exclude_neighbours(spec, f"arm_{loaded.flange}")
-    return Mounted(loaded.home_q, arm.path, loaded.notices)
+    return Mounted(loaded.home_q, arm.path, (*loaded.notices, *remarks))
 
 
 def compile_mounted(spec: mujoco.MjSpec, mounted: Mounted) -> tuple[mujoco.MjModel, tuple[str, ...]]:
@@ -70,7 +81,7 @@ def compile_mounted(spec: mujoco.MjSpec, mounted: Mounted) -> tuple[mujoco.MjMod
         ArmError: MuJoCo cannot compile it, or the probe stands in its neighbours, whatever the arm does.
     """
     if mounted.path is None:
-        return spec.compile(), ()
+        return spec.compile(), mounted.notices
     model = _compiled(spec, mounted.path)
     room = ProbeRoom(model, mounted.home_q, TIP_SITE)
     direction = room.direction()

@@ -1,4 +1,4 @@
-"""Overlap: how deep a round geom stands in another one, by the true shape of both.
+"""Overlap: how deep a round geom, or one that points stand for, stands in another one, by the true shape of both.
 
 MuJoCo takes the convex hull of a mesh, within which there may be all the room in the world, as between the fingers of
 a gripper. Where the hull is overlapped, the mesh's triangles decide: the depth is that of their deepest point in the
@@ -10,10 +10,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
+from sim.world.solids.crossings import VerticalCrossings
 from sim.world.solids.surface_distance import halve_triangles
 
 from .geom_shapes import mesh_triangles
+from .probe_surface import strewn_points
 
 Array = NDArray[np.float64]
 
@@ -43,6 +46,44 @@ def overlap_m(model: mujoco.MjModel, data: mujoco.MjData, round_geom: int, geom:
     if abs(_winding(triangles_m)) > HALF_TURN:
         return float(depth_m)
     return max(0.0, -_least_distance_m(triangles_m, model, round_geom))
+
+
+def depth_of_points_m(
+    model: mujoco.MjModel, data: mujoco.MjData, geom_with_points: int, points_m: Array, geom: int
+) -> float:
+    """How deep points of one geom lie in another geom [m]; 0 where none does.
+
+    Args:
+        model: The scene.
+        data: A state whose kinematics are up to date.
+        geom_with_points: The id of the geom that the points belong to, of any shape.
+        points_m: The points in its frame [m], shape (N, 3).
+        geom: The id of a geom of any kind but a plane or a height field.
+    """
+    if not len(points_m):
+        return 0.0
+    R_own, R_other = (data.geom_xmat[each].reshape(3, 3) for each in (geom_with_points, geom))
+    world_m = data.geom_xpos[geom_with_points] + points_m @ R_own.T
+    in_geom_m = (world_m - data.geom_xpos[geom]) @ R_other
+    return max(0.0, float(-_signed_distance_m(model, geom, in_geom_m).min()))
+
+
+def _signed_distance_m(model: mujoco.MjModel, geom: int, points_m: Array) -> Array:
+    """Signed distance of points, in its own frame, from a geom [m], shape (N,); of an ellipsoid a bound on it."""
+    kind, size_m = int(model.geom_type[geom]), model.geom_size[geom]
+    if model.geom_dataid[geom] >= 0:
+        triangles_m = mesh_triangles(model, geom)
+        corners_m, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
+        is_inside = VerticalCrossings(corners_m, index.reshape(-1, 3)).winding(points_m) != 0
+        distance_m = np.full(len(points_m), FAR_M)
+        distance_m[is_inside] = -KDTree(strewn_points(model, geom)).query(points_m[is_inside])[0]
+        return distance_m
+    if kind == int(mujoco.mjtGeom.mjGEOM_BOX):
+        beyond_m = np.abs(points_m) - size_m
+        return np.linalg.norm(np.maximum(beyond_m, 0.0), axis=1) + np.minimum(beyond_m.max(axis=1), 0.0)
+    if kind == int(mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        return (np.linalg.norm(points_m / size_m, axis=1) - 1.0) * float(size_m.min())
+    return _round_distance_m(model, geom, points_m)
 
 
 def _triangles_in(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame_geom: int) -> Array:

@@ -14,7 +14,6 @@ link before, but not in what has joints of its own.
 
 from __future__ import annotations
 
-import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -24,18 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.arms.body_tree import bodies_above, joints_above
-from sim.world.frames import quaternion_matrix
 
-from .overlap import overlap_m
+from .overlap import FAR_M, depth_of_points_m, overlap_m
+from .probe_surface import MOUNT_M, in_body_m, is_lathed, strewn_points, without_mount
 
 MOUNT = "mount"
 """The body that carries the arm's base, and whose pose in the world is where the arm stands."""
 PROBE = "probe_probe"
 """The probe's body, which hangs from the world where no arm carries it."""
 BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-MOUNT_M = 0.05
-"""This much of the probe, from the flange on, may stand in the link that carries it [m]: crude arms end in a ball about
-the flange, and half of a clamp of 34 mm radius may be countersunk."""
 LEAST_OVERLAP_M = 5e-4
 """Less than this is a matter of how shapes were rounded [m]."""
 N_CONFIGURATIONS = 64
@@ -91,11 +87,20 @@ class ProbeRoom:
         probe = int(model.site_bodyid[self._tip])
         self._chain = joints_above(model, probe)
         self._carrier = int(model.body_weldid[probe])
+        self._body = probe
         before = int(model.body_weldid[model.body_parentid[self._carrier]])
         arm = colliding_geoms(model)
         self._probe = [geom for geom in arm if model.geom_bodyid[geom] == probe]
+        # A user's probe may have any shape; where it is not one that the mount can be cut off, points stand for it.
+        self._points_m = {
+            geom: strewn_points(model, geom) for geom in self._probe if not is_lathed(model, geom)
+        }
+        self._points_beyond_m = {
+            geom: each[in_body_m(model, geom, each)[:, 2] >= MOUNT_M] for geom, each in self._points_m.items()
+        }
+        self._others_m: dict[int, NDArray[np.float64]] = {}
         # The part of the probe beyond its mount, which no link may hold.
-        self._beyond = _without_mount(model, self._probe, self._tip)
+        self._beyond = without_mount(model, [geom for geom in self._probe if geom not in self._points_m])
         welds = {
             geom: int(model.body_weldid[model.geom_bodyid[geom]]) for geom in arm if geom not in self._probe
         }
@@ -149,9 +154,10 @@ class ProbeRoom:
         if apart is None:
             return None
         self._set(q)
-        way_m, beam = self._flange_m() - data.xanchor[apart], data.site_xmat[self._tip].reshape(3, 3)[:, 2]
-        cosine = float(way_m @ beam / max(float(np.linalg.norm(way_m)), APART_M))
-        is_along_axis = abs(float(data.xaxis[hinges[-1]] @ beam)) > ALONG_AXIS_COSINE
+        # The probe's body stands as the flange does; its tip may look elsewhere.
+        way_m, outward = self._flange_m() - data.xanchor[apart], data.xmat[self._body].reshape(3, 3)[:, 2]
+        cosine = float(way_m @ outward / max(float(np.linalg.norm(way_m)), APART_M))
+        is_along_axis = abs(float(data.xaxis[hinges[-1]] @ outward)) > ALONG_AXIS_COSINE
         if cosine >= ACROSS_COSINE or (cosine > BACK_COSINE and is_along_axis):
             return None
         looks = "looks back into the arm" if cosine <= BACK_COSINE else "lies across the arm"
@@ -201,8 +207,32 @@ class ProbeRoom:
         """How deep the present configuration has the probe in a geom [m]; its mount is left out with that model."""
         mujoco.mj_kinematics(model, self._data)
         return max(
-            (overlap_m(model, self._data, each, geom) for each in probe if model.geom_size[each, 0] > 0.0),
+            (
+                self._strewn_depth_m(each, geom, is_beyond=model is self._beyond)
+                if each in self._points_m
+                else overlap_m(model, self._data, each, geom)
+                for each in probe
+                if each in self._points_m or model.geom_size[each, 0] > 0.0
+            ),
             default=0.0,
+        )
+
+    def _strewn_depth_m(self, probe: int, geom: int, *, is_beyond: bool) -> float:
+        """How deep a geom of the probe and another one stand in each other [m], by the points that stand for both."""
+        model, data = self._model, self._data
+        if mujoco.mj_geomDistance(model, data, probe, geom, FAR_M, None) >= 0.0:
+            return 0.0
+        points_m = self._points_beyond_m if is_beyond else self._points_m
+        if geom not in self._others_m:
+            self._others_m[geom] = strewn_points(model, geom)
+        others_m = self._others_m[geom]
+        if is_beyond:
+            world_m = data.geom_xpos[geom] + others_m @ data.geom_xmat[geom].reshape(3, 3).T
+            in_flange_m = (world_m - data.xpos[self._body]) @ data.xmat[self._body].reshape(3, 3)
+            others_m = others_m[in_flange_m[:, 2] >= MOUNT_M]
+        return max(
+            depth_of_points_m(model, data, probe, points_m[probe], geom),
+            depth_of_points_m(model, data, geom, others_m, probe),
         )
 
     def _flange_m(self) -> NDArray[np.float64]:
@@ -231,26 +261,3 @@ def colliding_geoms(model: mujoco.MjModel) -> list[int]:
         and int(model.geom_type[geom]) not in endless
         and not set(tops).isdisjoint(bodies_above(model, int(model.geom_bodyid[geom])))
     ]
-
-
-def _without_mount(model: mujoco.MjModel, probe: list[int], tip: int) -> mujoco.MjModel:
-    """A copy of a scene whose probe begins `MOUNT_M` from the flange; geoms that end before have no size."""
-    cut = copy.copy(model)
-    beam = quaternion_matrix(model.site_quat[tip])[:, 2]
-    for geom in probe:
-        # Where a geom lies is then taken from its own numbers, and not from a body's frame that it shared.
-        cut.geom_sameframe[geom] = 0
-        is_capsule = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE
-        is_cylinder = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CYLINDER
-        along_m, cap_m = float(model.geom_pos[geom] @ beam), 0.0 if is_cylinder else model.geom_size[geom, 0]
-        half_m = cap_m + (model.geom_size[geom, 1] if is_capsule or is_cylinder else 0.0)
-        end_m = along_m + half_m
-        if end_m - 2.0 * half_m >= MOUNT_M:
-            continue
-        left_m = (end_m - MOUNT_M) / 2.0 - cap_m
-        if left_m <= 0.0:
-            cut.geom_size[geom] = 0.0
-            continue
-        cut.geom_size[geom, 1] = left_m
-        cut.geom_pos[geom] += (end_m - cap_m - left_m - along_m) * beam
-    return cut

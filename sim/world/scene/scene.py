@@ -13,6 +13,7 @@ from sim.colours import KEEPOUT, ORGAN, PROBE, STRUCTURE, TARGET, TRUTH, rgba
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.arms.mujoco_messages import caught_warnings
 from sim.world.frames import quaternion_matrix
+from sim.world.probes.probe import EMBEDDED, ProbeModel
 from sim.world.solids.solid import Solid
 
 from .arm import MODELS_DIR, ArmModel
@@ -40,12 +41,14 @@ class Scene:
     home_q: NDArray[np.float64]
     """Joint positions at rest, shape (n_joints,); empty for a free-flying probe."""
     tip_site: str = TIP_SITE
+    has_own_probe: bool = False
+    """Whether the probe is a user's, and not the embedded one."""
     free_probe: bool = False
     """True where no arm carries the probe: its body is then a mocap body."""
     arm_geoms: frozenset[int] = field(default_factory=frozenset)
     """Geom ids of arm and probe that can collide."""
     notices: tuple[str, ...] = ()
-    """What is unusual about the arm."""
+    """What is unusual about arm and probe."""
 
     @property
     def T_world_base(self) -> NDArray[np.float64]:
@@ -67,16 +70,18 @@ class Scene:
         return data
 
 
-def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
+def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None, probe: ProbeModel = EMBEDDED) -> Scene:
     """Compose the world.
 
     Args:
         anatomy: Organ, tumours and targets in world coordinates [m].
         cone: The sensed volume; drawn as a translucent cone at the probe's tip.
         arm: The arm and where it stands, or None for a probe that flies freely.
+        probe: The probe.
 
     Raises:
         ArmError: The arm cannot be used; see `ArmModel.load`.
+        ProbeError: The probe cannot be used; see `ProbeModel.load`.
     """
     spec = mujoco.MjSpec.from_file(str(MODELS_DIR / "table.xml"))
     spec.modelname = "sounding"
@@ -87,7 +92,7 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 20, 12
     spec.visual.headlight.ambient = [0.38, 0.38, 0.38]
     spec.visual.headlight.diffuse = [0.30, 0.30, 0.30]
-    mounted = mount(spec, arm)
+    mounted = mount(spec, arm, probe)
     _add_solid(spec, "organ", anatomy.organ, ORGAN_RGBA, Group.ORGAN)
     for index, tumour in enumerate(anatomy.tumours):
         _add_solid(spec, f"tumour{index}", tumour, TUMOUR_RGBA, Group.TUMOUR)
@@ -103,6 +108,7 @@ def build_scene(anatomy: Anatomy, cone: Cone, *, arm: ArmModel | None) -> Scene:
         anatomy=anatomy,
         cone=cone,
         home_q=mounted.home_q,
+        has_own_probe=not probe.is_embedded,
         free_probe=arm is None,
         arm_geoms=frozenset(colliding_geoms(model)),
         notices=notices,

@@ -71,3 +71,13 @@ def test_a_full_disk_under_stdout_is_one_sentence(tmp_path) -> None:
     assert done.returncode == 2
     assert len(said(done.stderr)) == 1
     assert b"No space left" in done.stderr
+
+
+def test_what_compiled_code_prints_goes_nowhere_and_python_prints_on() -> None:
+    code = (
+        "import ctypes; from sim.streams import quiet_stdout; print('before')\n"
+        "with quiet_stdout(): ctypes.CDLL(None).printf(b'from C\\n')\n"
+        "print('after')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["before", "after"]

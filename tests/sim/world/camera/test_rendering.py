@@ -14,8 +14,8 @@ from planner import Workspace
 from sim.episode.positioner import FreePositioner
 from sim.world.anatomy.anatomy import build_anatomy
 from sim.world.camera.extent import arm_corners_m, organ_corners_m
+from sim.world.camera.gl import RenderingError, install_backend
 from sim.world.camera.rendering import Overlay, SceneRenderer
-from sim.world.scene.gl import RenderingError, install_backend
 from sim.world.scene.scene import build_scene
 
 
@@ -154,7 +154,7 @@ def no_gl(name, *rest, **more):
         raise OSError(f"{name}: cannot open shared object file")
     return real(name, *rest, **more)
 ctypes.CDLL = ctypes.cdll._dlltype = no_gl
-from sim.world.scene.gl import adopt_mujoco_gl, install_backend, RenderingError
+from sim.world.camera.gl import adopt_mujoco_gl, install_backend, RenderingError
 adopt_mujoco_gl()
 import mujoco
 mujoco.mj_forward(m := mujoco.MjModel.from_xml_string("<mujoco/>"), mujoco.MjData(m))

@@ -14,7 +14,7 @@ from sim.world.ik.kinematics import Kinematics
 from sim.world.ik.result import IkStatus
 from sim.world.ik.settings import IkSettings
 from sim.world.scene.arm import ArmModel
-from sim.world.scene.clearance import FACE_RADIUS_M
+from sim.world.scene.probe_surface import FACE_RADIUS_M
 from sim.world.scene.scene import build_scene
 from sim.world.solids.distance_grid import DistanceGrid
 from sim.world.solids.solid import Solid

@@ -1,0 +1,1 @@
+"""Commands about many seeds at once, a module each."""

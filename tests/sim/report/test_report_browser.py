@@ -192,7 +192,9 @@ def test_tables_and_curves_need_no_script(browser, report) -> None:
     opened = Opened(browser, report, java_script_enabled=False)
     page = opened.page
     assert page.locator("table.findings tbody tr").count() == 1
-    assert page.locator("svg[data-chart=auprc] polyline").is_visible()
+    # A level curve has no height, which the browser takes for invisible.
+    assert page.locator("svg[data-chart=auprc]").is_visible()
+    assert page.locator("svg[data-chart=auprc] polyline").count() >= 1
     assert page.locator("noscript p, .without").first.is_visible()
     opened.context.close()
 

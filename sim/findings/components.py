@@ -16,6 +16,9 @@ from sim.world.solids.solid import Solid
 
 from .mapped_surface import Grid
 
+LEAST_POINTS = 2
+"""Lattice points that a map has to call tumour in or next to a tumour for it to be found: one has no extent."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
@@ -29,6 +32,9 @@ class Pieces:
     """The piece of each lattice point, from 1; 0 where none is. Shape (X, Y, Z)."""
     touches: NDArray[np.bool_]
     """Which piece touches which tumour, shape (number of pieces + 1, number of tumours); row 0 stands for no piece."""
+    is_found: NDArray[np.bool_]
+    """Which tumours are found, shape (number of tumours,): pieces hold at least `LEAST_POINTS` of the lattice points
+    nearest to their points, or all of these where there are fewer."""
     tumour_points_m: NDArray[np.float64]
     """Points in the tumours, shape (D, 3)."""
     tumour_of_point: NDArray[np.int64]
@@ -55,7 +61,12 @@ class Pieces:
         touches = np.zeros((n_pieces + 1, n_tumours), dtype=bool)
         touches[labels[tuple(field.nearest(tumour_points_m).T)], tumour_of_point] = True
         touches[0] = False
-        return cls(field, level, organ, labels, touches, tumour_points_m, tumour_of_point)
+        is_found = np.zeros(n_tumours, dtype=bool)
+        for tumour in range(n_tumours):
+            cells = np.unique(field.nearest(tumour_points_m[tumour_of_point == tumour]), axis=0)
+            n_called = int((labels[tuple(cells.T)] > 0).sum())
+            is_found[tumour] = n_called >= max(min(LEAST_POINTS, len(cells)), 1)
+        return cls(field, level, organ, labels, touches, is_found, tumour_points_m, tumour_of_point)
 
     @property
     def false(self) -> list[int]:

@@ -31,7 +31,7 @@ class TumourFinding:
     tumour: int
     """Number of the tumour, from 1."""
     is_found: bool | None
-    """Whether a piece of the last map touches it; None without a map."""
+    """Whether the last map calls enough of it tumour (`Pieces.is_found`); None without a map."""
     first_seen_step: int | None
     """The first action whose cone held some of it."""
     sensed_step: int | None
@@ -154,7 +154,7 @@ def _tumour(evidence: Evidence, index: int, pieces: Pieces | None) -> TumourFind
     has_points = bool(first_seen.size)
     finding = TumourFinding(
         tumour=index + 1,
-        is_found=None if pieces is None else bool(pieces.touches[:, index].any()),
+        is_found=None if pieces is None else bool(pieces.is_found[index]),
         first_seen_step=_first(first_seen),
         sensed_step=_sensed_step(first_seen),
         first_mapped_step=None,

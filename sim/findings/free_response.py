@@ -52,7 +52,7 @@ def free_response(evidence: Evidence) -> FreeResponse | None:
         return None
     return FreeResponse(
         probability=expit(levels),
-        n_found=np.array([int(pieces.touches.any(axis=0).sum()) for pieces in found]),
+        n_found=np.array([int(pieces.is_found.sum()) for pieces in found]),
         n_false=np.array([len(pieces.false) for pieces in found]),
     )
 

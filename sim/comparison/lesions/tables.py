@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from ..comparison import Comparison
 
 LESION_NOTE = (
-    "A lesion is found where a connected piece of what the last map calls tumour touches it, whatever was sensed of "
-    "it; a piece that touches none is a false finding. Classes go by the diameter of a ball of the lesion's volume. "
-    "Intervals draw whole seeds, since the lesions of one organ share their fate; where all lesions of a class were "
-    "found, or none, they are Wilson's with each seed for one lesion, and where no finding was false, those of Poisson "
-    "counts."
+    "A lesion is found where the last map calls at least two of the lattice points nearest to it tumour, whatever was "
+    "sensed of it; a connected piece of what it calls tumour that touches none is a false finding. Classes go by the "
+    "diameter of a ball of its volume. Intervals draw whole seeds, since the lesions of one organ share their fate; "
+    "where all lesions of a class were found, or none, they are Wilson's with each seed for one lesion, and where no "
+    "finding was false, those of Poisson counts."
 )
 
 

@@ -74,6 +74,23 @@ def test_what_touches_no_tumour_is_a_false_finding_and_what_nothing_touches_is_m
     assert 400 * 0.008 >= np.log(1 / (1 / second.highest_probability - 1)) >= 400 * (0.008 - 0.0026)
 
 
+def test_a_tumour_is_found_by_two_lattice_points_and_by_one_where_it_lies_at_one_alone(tmp_path) -> None:
+    # Balls of the map of 1 mm around a point of the 3 mm lattice are called at that point alone.
+    field = planted_run(tmp_path, true=[((0.0, 0.0, 0.0), R)], mapped=[((0.0, 0.0, 0.0), R)]).field
+    assert field is not None
+    near_m = field.low_m + field.cell_m * np.rint((0.0 - field.low_m) / field.cell_m)
+    spot, beside = (tuple(near_m), 0.001), (tuple(near_m + np.array([field.cell_m[0], 0.0, 0.0])), 0.001)
+    for true_radius_m, mapped, is_found in [
+        (0.008, [spot], False),
+        (0.008, [spot, beside], True),
+        (0.0007, [spot], True),
+    ]:
+        record = planted_run(tmp_path, true=[(tuple(near_m), true_radius_m)], mapped=mapped)
+        findings = findings_of(record)
+        assert [each.is_found for each in findings.tumours] == [is_found], (true_radius_m, len(mapped))
+        assert findings.false == ()
+
+
 def test_a_piece_that_joins_two_tumours_is_shared_out(tmp_path) -> None:
     true = [((-0.011, 0.0, 0.0), 0.010), ((0.011, 0.0, 0.0), 0.010)]
     mapped = [*true, ((0.0, 0.0, 0.0), 0.006)]  # a bridge

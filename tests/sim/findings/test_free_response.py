@@ -33,7 +33,7 @@ def flooded(is_called: np.ndarray) -> Iterator[set[tuple[int, ...]]]:
 
 
 def counted(evidence: Evidence, level: float) -> tuple[int, int]:
-    """How many tumours some piece holds a point of, and how many pieces hold none."""
+    """Of how many tumours pieces hold two points, or all where there are fewer, and how many pieces hold none."""
     field = evidence.field
     assert field is not None
     axes = [list(axis) for axis in field.axes_m]
@@ -45,7 +45,7 @@ def counted(evidence: Evidence, level: float) -> tuple[int, int]:
         for index in range(len(evidence.anatomy.tumours))
     ]
     pieces = list(flooded((field.log_odds > level) & field.is_inside))
-    n_found = sum(any(piece & own for piece in pieces) for own in cells)
+    n_found = sum(sum(len(piece & own) for piece in pieces) >= min(2, len(own)) for own in cells)
     return n_found, sum(not any(piece & own for own in cells) for piece in pieces)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -139,6 +140,20 @@ def test_a_pose_out_of_reach_is_a_step_without_a_reading(tmp_path):
     assert observation["share_used"] == pytest.approx(0.25)
     reached = int(np.argmax(observation["action_mask"]))
     assert env.step(reached)[4]["is_reached"]
+
+
+def test_an_organ_without_tumours_gives_no_reward_and_no_end():
+    env = environment(n_tumours=0, **SMALL)
+    env.reset(seed=0)
+    _, reward, is_terminated, _, info = env.step(7000)
+    assert (reward, is_terminated, info["sensed_fraction"], info["tumours_met"]) == (0.0, False, 0.0, 0)
+
+
+def test_an_organ_for_which_there_is_no_room_is_told_by_its_seed():
+    course = environment(**SMALL).course
+    tight = replace(course, lattice_shape=(22, 22, 12))
+    with pytest.raises(UsageError, match=r"seed=0: .* 14400 poses and .* room for 14400 and \(22, 22, 12\)"):
+        tight.setup_of(course.parts)
 
 
 def test_generated_livers_differ_in_arrays_of_one_size(tmp_path):

@@ -33,6 +33,7 @@ ROOMS = (
     "sim.viewing",
     "sim.reach",
     "sim.running",
+    "sim.gym",
     "sim.campaign",
     "sim.bound",
     "sim.comparison",

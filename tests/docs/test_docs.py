@@ -170,7 +170,7 @@ def test_every_arm_can_be_used(page: str, text: str, tmp_path) -> None:
 def test_the_python_of_every_page_runs(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     for page in PAGES:
-        if page.name == "python.md":  # it has a test of its own
+        if page.name in ("python.md", "gym.md"):  # they have tests of their own; the second needs an extra
             continue
         names: dict[str, object] = {}
         for _, text in (block for block in files("python") if block[0] == page.name):

@@ -7,6 +7,8 @@ round geom. It is found by halving triangles, since a distance changes by no mor
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -72,11 +74,10 @@ def _signed_distance_m(model: mujoco.MjModel, geom: int, points_m: Array) -> Arr
     """Signed distance of points, in its own frame, from a geom [m], shape (N,); of an ellipsoid a bound on it."""
     kind, size_m = int(model.geom_type[geom]), model.geom_size[geom]
     if model.geom_dataid[geom] >= 0:
-        triangles_m = mesh_triangles(model, geom)
-        corners_m, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
-        is_inside = VerticalCrossings(corners_m, index.reshape(-1, 3)).winding(points_m) != 0
+        crossings, surface = _mesh_index(model, geom)
+        is_inside = crossings.winding(points_m) != 0
         distance_m = np.full(len(points_m), FAR_M)
-        distance_m[is_inside] = -KDTree(strewn_points(model, geom)).query(points_m[is_inside])[0]
+        distance_m[is_inside] = -surface.query(points_m[is_inside])[0]
         return distance_m
     if kind == int(mujoco.mjtGeom.mjGEOM_BOX):
         beyond_m = np.abs(points_m) - size_m
@@ -84,6 +85,14 @@ def _signed_distance_m(model: mujoco.MjModel, geom: int, points_m: Array) -> Arr
     if kind == int(mujoco.mjtGeom.mjGEOM_ELLIPSOID):
         return (np.linalg.norm(points_m / size_m, axis=1) - 1.0) * float(size_m.min())
     return _round_distance_m(model, geom, points_m)
+
+
+@lru_cache(maxsize=4)
+def _mesh_index(model: mujoco.MjModel, geom: int) -> tuple[VerticalCrossings, KDTree]:
+    """What tells whether points lie in a mesh and how deep; it is asked for one configuration after the other."""
+    triangles_m = mesh_triangles(model, geom)
+    corners_m, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
+    return VerticalCrossings(corners_m, index.reshape(-1, 3)), KDTree(strewn_points(model, geom))
 
 
 def _triangles_in(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame_geom: int) -> Array:

@@ -48,21 +48,29 @@ NEVER_SENSED_M = 0.015
 Maps = dict[str, NDArray[np.float64]]
 
 
-def run(seed: int, *, scenario: str, planner: str, n_readings: int) -> dict[str, Any]:
-    """The scores of both maps after an episode, the truth, and each lesion's points."""
+def played(seed: int, scenario: str, planner: str, n_readings: int) -> Episode:
+    """An episode after its last action."""
     with threadpool_limits(1):
         wanted = load_scenario(scenario)
         if wanted.has_organ(GENERATED_LIVER):
             wanted = dataclasses.replace(wanted, organ_seed=seed)
         setup = build_setup(wanted, None, MapSettings())
         episode = Episode(setup, make_planner(planner), seed=seed, detail=DetailSettings())
-        readings = [step.reading for step in episode.steps(n_readings)]
-        assert isinstance(episode.tumour_map, DetailedMap)
-        scores = {
-            "plain": episode.tumour_map.coarse.predict_lattice().score,
-            "detailed": episode.tumour_map.predict_lattice().score,
-        }
-    sensed_m = np.concatenate([reading.points_m for reading in readings])
+        for _ in episode.steps(n_readings):
+            pass
+    return episode
+
+
+def run(seed: int, *, scenario: str, planner: str, n_readings: int) -> dict[str, Any]:
+    """The scores of both maps after an episode, the truth, and each lesion's points."""
+    episode = played(seed, scenario, planner, n_readings)
+    setup, tumour_map = episode.setup, episode.tumour_map
+    assert isinstance(tumour_map, DetailedMap)
+    scores = {
+        "plain": tumour_map.coarse.predict_lattice().score,
+        "detailed": tumour_map.predict_lattice().score,
+    }
+    sensed_m = np.concatenate([reading.points_m for reading in episode.readings])
     gap_m, _ = KDTree(sensed_m).query(setup.search_points_m, distance_upper_bound=NEVER_SENSED_M)
     anatomy = episode.truth.anatomy
     # The stubs take the neighbours of many points for one.

@@ -72,11 +72,11 @@ class Detail:
             if self._place_tree is None:
                 self._place_tree = KDTree(self._places_m)
             self._is_hit[self._place_tree.query(tumour_m)[1]] = True
-        if len(entered_m) and self._is_near.any():
-            near = np.flatnonzero(self._is_near)
-            farthest_m = self._last_neighbour_m[near].max()
-            places, gap_m = self._within(entered_m, float(farthest_m))
-            is_changed = self._is_near[places] & (gap_m < self._last_neighbour_m[places])
+        is_answered = self._is_near & ~self._is_stale
+        if len(entered_m) and is_answered.any():
+            farthest_m = float(self._last_neighbour_m[is_answered].max())
+            places, gap_m = self._within(entered_m, farthest_m)
+            is_changed = is_answered[places] & (gap_m < self._last_neighbour_m[places])
             self._is_stale[places[is_changed]] = True
 
     def answers(self) -> LocalAnswers:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import mujoco
 
+from sim.world.errors import WorldError
+
 from .errors import ArmError
 from .mujoco_messages import MUJOCO_ERRORS, whole_message
 
@@ -21,26 +23,37 @@ def read_spec(path: Path) -> mujoco.MjSpec:
     Raises:
         ArmError: There is no such file, or MuJoCo cannot read it.
     """
-    _check_is_file(path)
+    check_is_file(path, part="arm", formats="MJCF or URDF", error=ArmError)
+    if path.suffix not in SUFFIXES:
+        raise ArmError(
+            f"{path}: MuJoCo tells files by their names, and reads arms from {' and '.join(SUFFIXES)}."
+        )
     try:
         return mujoco.MjSpec.from_file(str(path))
     except MUJOCO_ERRORS as error:
         raise _refused(path, error) from error
 
 
-def _check_is_file(path: Path) -> None:
+def check_is_file(path: Path, *, part: str, formats: str, error: type[WorldError]) -> None:
+    """Nothing, if a path is that of a file.
+
+    Args:
+        path: The path that a person gave.
+        part: The part that the file is of, which is also the field that names it.
+        formats: The formats that the part may have.
+        error: The error of that part.
+
+    Raises:
+        WorldError: It is a folder, or nothing is there; of the class `error`.
+    """
     try:
         is_folder, is_file = path.is_dir(), path.is_file()
     except OSError:  # a name that is too long for a file
         is_folder = is_file = False
     if is_folder:
-        raise ArmError(f"{path}: this is a folder. Give `arm` the path of the MJCF or URDF file in it.")
+        raise error(f"{path}: this is a folder. Give `{part}` the path of the {formats} file in it.")
     if not is_file:
-        raise ArmError(f"{path}: no such arm file. Give `arm` the path of an MJCF file, or `default`.")
-    if path.suffix not in SUFFIXES:
-        raise ArmError(
-            f"{path}: MuJoCo tells files by their names, and reads arms from {' and '.join(SUFFIXES)}."
-        )
+        raise error(f"{path}: no such {part} file. Give `{part}` the path of an MJCF file, or `default`.")
 
 
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:

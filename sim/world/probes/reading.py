@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from sim.world.arms.mujoco_messages import MUJOCO_ERRORS, caught_warnings, whole_message
-from sim.world.arms.reading import MISSING
+from sim.world.arms.reading import MISSING, check_is_file
 from sim.world.frames import quaternion_matrix
 
 from .checks import check_extent, check_rigid, check_tip
@@ -40,7 +40,7 @@ def load_probe(path: Path) -> RigidProbe:
     Raises:
         ProbeError: The file is missing or broken, or holds no probe that can be used.
     """
-    _check_is_file(path)
+    _check_is_probe_file(path)
     with caught_warnings() as said:
         try:
             spec = mujoco.MjSpec.from_file(str(path))
@@ -72,15 +72,8 @@ def _refused(path: Path, error: Exception) -> ProbeError:
     return ProbeError(f"{path}: MuJoCo cannot compile this probe: {said}.{remedy}")
 
 
-def _check_is_file(path: Path) -> None:
-    try:
-        is_folder, is_file = path.is_dir(), path.is_file()
-    except OSError:  # a name that is too long for a file
-        is_folder = is_file = False
-    if is_folder:
-        raise ProbeError(f"{path}: this is a folder. Give `probe` the path of the MJCF file in it.")
-    if not is_file:
-        raise ProbeError(f"{path}: no such probe file. Give `probe` the path of an MJCF file, or `default`.")
+def _check_is_probe_file(path: Path) -> None:
+    check_is_file(path, part="probe", formats="MJCF", error=ProbeError)
     if path.suffix.lower() in MESHES:
         raise ProbeError(
             f"{path}: this is a mesh, which has no tip. Give `probe` an MJCF file that has the mesh as a geom, and a "

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
 from scipy.special import logit
 
 from .belief.belief import UpdateReport
@@ -40,6 +41,8 @@ from .threads import one_blas_thread
 
 _JUST_CALLED = 0.05
 """Least score of a place at which tumour was sensed: the map calls it tumour, and says no more."""
+_ENOUGH_CALLED = 2
+"""This many neighbours that are called stand for what was sensed: with two points a lesion counts as found."""
 
 
 class DetailedMap:
@@ -90,9 +93,12 @@ class DetailedMap:
         """The belief at the points of the query lattice that its mask keeps, in C order.
 
         A point of the lattice stands for the places that are nearest to it: where a believed label of tumour is among
-        these, and no free label is nearer to the point, it is more likely tumour than not.
+        these, and no free label is nearer to the point, it is called tumour, unless two of its neighbours on the
+        lattice are.
         """
-        return self._combined(self.coarse.predict_lattice(), self._detail.answers())
+        local = self._detail.answers()
+        prediction = self._combined(self.coarse.predict_lattice(), local)
+        return self._calling_what_was_sensed(prediction, local.holds_tumour)
 
     def query_points_m(self) -> NDArray[np.float64]:
         """The points [m] that `predict_lattice` answers for, shape (N, 3)."""
@@ -162,30 +168,61 @@ class DetailedMap:
     def _combined(self, coarse: Prediction, local: LocalAnswers) -> Prediction:
         """What coarse map and local answers say together.
 
-            score = (1 - w) sharpness kappa(v) m + w score_far,   w = (v / s^2)^fading
-            p_far = (1 - u) p_coarse + u prevalence,   u = doubt (1 - exp(-(d / doubt_m)^2))
+            score = (1 - w) (bias + sharpness kappa(v) m) + w score_far,   w = (v / s^2)^fading
 
-        m and v are the local latent's mean and variance, and d is the distance to the nearest label. The score of a
-        prediction is the log-odds of its probability.
+        m and v are the local latent's mean and variance. The score of a prediction is the log-odds of its probability.
         """
         settings = self._settings
-        weight = (local.variance / settings.variance) ** settings.fading
-        near = settings.sharpness * moderation(local.variance) * local.mean
-        far = self._with_doubt(coarse, local.label_distance_m)
-        score = np.where(weight < 1.0, (1.0 - weight) * near + weight * far, far)
-        score[local.holds_tumour] = np.maximum(score[local.holds_tumour], _JUST_CALLED)
-        variance = weight * coarse.latent_variance
+        left = local.variance / settings.variance
+        weight = left**settings.fading
+        near = settings.bias + settings.sharpness * moderation(local.variance) * local.mean
+        far = self._from_afar(coarse, local.label_distance_m)
+        score = np.where(left < 1.0, (1.0 - weight) * near + weight * far, far)
+        variance = left * coarse.latent_variance
         return Prediction(score / moderation(variance), variance)
 
-    def _with_doubt(self, coarse: Prediction, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The coarse map's log-odds, with the doubt about what it says of places far from any label."""
-        settings = self._settings
+    def _from_afar(self, coarse: Prediction, distance_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the coarse map's log-odds are worth where labels are far: it is too sure there, either way.
+
+            p_far = (1 - u) p_coarse + u prevalence,   u = doubt (1 - exp(-(d / doubt_m)^2))
+            score_far = score_0 + credit (logit(p_far) - score_0) where this is above score_0 = logit(prevalence)
+
+        Args:
+            coarse: The coarse map's prediction.
+            distance_m: The distance d to the nearest label [m], shape (N,).
+        """
+        settings, prevalence = self._settings, self.settings.prior_prevalence
         share = settings.doubt * -np.expm1(-((distance_m / settings.doubt_m) ** 2))
-        doubted = (1.0 - share) * coarse.probability + share * self.settings.prior_prevalence
-        is_moved = share > 0.0
+        doubted = (1.0 - share) * coarse.probability + share * prevalence
         # Without a doubt the score is kept: its probability may have saturated.
         clipped = np.clip(doubted, LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY)
-        return np.where(is_moved, logit(clipped), coarse.score)
+        score = np.where(share > 0.0, logit(clipped), coarse.score)
+        suspicion = np.maximum(score - logit(prevalence), 0.0)
+        return score - (1.0 - settings.credit) * suspicion
+
+    def _calling_what_was_sensed(self, prediction: Prediction, holds_tumour: NDArray[np.bool_]) -> Prediction:
+        """The prediction with places called tumour that hold a believed label of it and have nobody near to tell.
+
+        Args:
+            prediction: The prediction on the query lattice.
+            holds_tumour: Where a believed label lies nearest to the place, shape (N,).
+        """
+        candidates = np.flatnonzero(holds_tumour & (prediction.score < _JUST_CALLED))
+        if not candidates.size:
+            return prediction
+        steps_m = np.array(
+            [np.ptp(axis) / max(axis.size - 1, 1) or 1.0 for axis in self.coarse.query.lattice.axes_m]
+        )
+        places = self.query_points_m() / steps_m
+        is_called = prediction.score > 0.0
+        score = prediction.score.copy()
+        if is_called.any():
+            beside = KDTree(places[is_called]).query_ball_point(
+                places[candidates], 1.1, p=np.inf, return_length=True
+            )
+            candidates = candidates[np.asarray(beside) < _ENOUGH_CALLED]
+        score[candidates] = _JUST_CALLED
+        return Prediction(score / moderation(prediction.latent_variance), prediction.latent_variance)
 
 
 def _readings_from(state: Mapping[str, NDArray]) -> list[LabelledPoints]:

@@ -72,15 +72,15 @@ class MapSettings:
 class DetailSettings:
     """How a `DetailedMap` answers near sensed tumour, and how it weighs what the coarse map says.
 
-    The last four were fitted on readings of the seeds from 1000 on, so that probabilities mean what they say
+    All of it was chosen on readings of the seeds from 1000 on, the last six so that probabilities mean what they say
     (docs/map.md); the reported seeds took no part.
     """
 
-    length_m: float = 0.008
+    length_m: float = 0.011
     """Length l of the covariance s^2 exp(-r^2 / (2 l^2)) of the latent near tumour [m]."""
-    variance: float = 30.0
-    """Prior variance s^2 of that latent."""
-    prior_mean: float = -11.0
+    variance: float = 1000.0
+    """Prior variance s^2 of that latent: tumours have sharp edges."""
+    prior_mean: float = -40.0
     """Prior mean of that latent."""
     n_neighbours: int = 24
     """Number of labels, the nearest ones, that answer for a place."""
@@ -88,10 +88,14 @@ class DetailSettings:
     """Places within this distance of a label of tumour are near tumour [m]."""
     cube_m: float = 0.0025
     """Of the labels of one kind in a cube of this side [m], the first is kept."""
-    sharpness: float = 3.0
+    bias: float = -0.35
+    """Added to the log-odds near tumour: a cone's labels reach deeper into a tumour than its edge lies."""
+    sharpness: float = 4.4
     """Factor of the log-odds near tumour: Laplace's approximation is too timid."""
-    fading: float = 1.3
+    fading: float = 0.2
     """Power of the share of the prior variance that is left, by which a place falls back to the coarse map."""
+    credit: float = 0.8
+    """How much of a suspicion of the coarse map counts: the share of its log-odds above those of the prevalence."""
     doubt: float = 0.06
     """Largest share of its prior prevalence that a place keeps however sure the coarse map is of it from afar."""
     doubt_m: float = 0.0075
@@ -99,10 +103,11 @@ class DetailSettings:
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
-        for name in ("length_m", "variance", "reach_m", "cube_m", "sharpness", "fading", "doubt_m"):
+        for name in ("length_m", "variance", "reach_m", "cube_m", "sharpness", "fading", "credit", "doubt_m"):
             _check_positive(name, getattr(self, name))
-        if not np.isfinite(self.prior_mean):
-            raise ValueError(f"`prior_mean` must be finite, not {self.prior_mean}")
+        for name in ("prior_mean", "bias"):
+            if not np.isfinite(getattr(self, name)):
+                raise ValueError(f"`{name}` must be finite, not {getattr(self, name)}")
         if not (isinstance(self.n_neighbours, int) and 1 <= self.n_neighbours <= 200):
             raise ValueError(f"`n_neighbours` must be a whole number from 1 to 200, not {self.n_neighbours}")
         if not 0.0 <= self.doubt < 1.0:

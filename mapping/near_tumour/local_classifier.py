@@ -21,14 +21,18 @@ from ..settings import DetailSettings
 
 _BLOCK = 1024
 """Places that are handled at once, so that their matrices stay near the processor."""
-_N_ROUNDS = 5
+_N_ROUNDS = 7
 """Rounds of Newton's method; from where it begins, this many bring the mode to a hundredth (tests/mapping)."""
-_FIRST_LATENT = (-4.0, 2.0)
+_N_ROUNDS_IN_DOUBT = 30
+"""The same where labels may be wrong."""
+_SHARE_OF_A_STEP = 0.4
+"""There, share of a round's step that is made: whole ones would go back and forth between modes."""
+_FIRST_LATENT = (-8.0, 4.0)
 """Where the latent of a free and of a tumour label begins."""
 _LARGEST_STEP = 4.0
 """How far a round may move a latent."""
-_LEAST_SLOPE = 1e-4
-"""Least slope of sigma, which keeps a round finite where a label is all but certain."""
+_LEAST_SLOPE = 1e-6
+"""Least slope of sigma, and least spread of a label, which keep a round finite where a label is all but certain."""
 
 
 def classify(
@@ -74,7 +78,8 @@ def _classify_block(
     false_positive, false_negative = rates
     kept = np.float32(1.0 - false_positive - false_negative)
     system, pull = prior, latent
-    for _ in range(_N_ROUNDS):
+    n_rounds, share = (_N_ROUNDS, 1.0) if kept == 1.0 else (_N_ROUNDS_IN_DOUBT, _SHARE_OF_A_STEP)
+    for _ in range(n_rounds):
         chance = expit(latent)
         slope = kept * np.maximum(chance * (1.0 - chance), np.float32(_LEAST_SLOPE))
         said = np.float32(false_positive) + kept * chance
@@ -84,7 +89,8 @@ def _classify_block(
         system[:, diagonal, diagonal] += spread / slope**2
         pull = np.linalg.solve(system, target[:, :, None])
         moved = np.float32(settings.prior_mean) + (prior @ pull)[:, :, 0]
-        latent = latent + np.clip(moved - latent, -_LARGEST_STEP, _LARGEST_STEP).astype(np.float32)
+        step = share * np.clip(moved - latent, -_LARGEST_STEP, _LARGEST_STEP)
+        latent = latent + step.astype(np.float32)
     explained = np.linalg.solve(system, across[:, :, None])
     row = across[:, None]
     mean = settings.prior_mean + (row @ pull)[:, 0, 0].astype(np.float64)

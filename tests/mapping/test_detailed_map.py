@@ -18,6 +18,10 @@ def make_large(**changes):
     return HilbertMap(hinges, settings, query=query)
 
 
+def make_large_detailed():
+    return DetailedMap(make_large())
+
+
 def test_before_any_reading_it_expects_the_prevalence_everywhere():
     prediction = make_detailed(prior_prevalence=0.03).predict_lattice()
     np.testing.assert_allclose(prediction.probability, 0.03, rtol=1e-9)
@@ -63,6 +67,17 @@ def test_a_single_label_of_tumour_among_many_that_are_free_is_called_tumour(offs
     probability = detailed.predict_lattice().probability
     assert probability[place] > 0.5
     assert (probability > 0.5).sum() == 1
+
+
+def test_at_the_rim_of_a_tumour_that_is_called_a_single_label_changes_no_probability():
+    rng, radius_m = np.random.default_rng(4), 0.014
+    detailed = make_large_detailed()
+    for _ in range(4):
+        points_m = CENTRE_M + rng.uniform(-0.025, 0.025, (900, 3))
+        detailed.update(points_m, np.linalg.norm(points_m - CENTRE_M, axis=1) < radius_m)
+    lattice, anywhere = detailed.predict_lattice(), detailed.predict(detailed.query_points_m())
+    assert (lattice.score > 0).sum() > 100
+    np.testing.assert_allclose(lattice.score, anywhere.score, rtol=1e-6, atol=1e-6)
 
 
 def test_a_label_of_tumour_farther_from_a_place_than_a_free_one_does_not_decide_about_it():

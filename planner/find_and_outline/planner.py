@@ -14,9 +14,11 @@ from mapping import Prediction
 from ..errors import PlannerError
 from ..planner import Planner
 from ..situation import Situation
+from ..stopping.confidence import SURE_RADIUS_RATIO, chance_of_none_left, share_known_free
+from ..stopping.lesion_count import n_clusters
 from .fine_lattice import FineLattice, fine_lattice
-from .frontier import n_clusters, probability_at, seen_weight, sensed_points
-from .hidden_balls import BallPrior, HiddenBalls, hidden_balls, still_hiding
+from .frontier import probability_at, seen_weight, sensed_points
+from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
 from .tour import MAX_STOPS, shortest_tour
 
 _FAILURE_RADIUS_M = 0.008
@@ -27,8 +29,6 @@ _CANDIDATE_GAP_M = 0.02
 """Where ways count, the best pose of each cube of this side is a candidate [m]."""
 _CLUSTER_GAP_M = 0.01
 """Places of likely tumour farther apart than about this count as two tumours [m]."""
-_SURE_RADIUS_RATIO = 1.25
-"""Ratio of the largest radius to the smallest, of the balls that confidence is about."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,27 +174,20 @@ class FindAndOutline(Planner):
     def confidence(self, situation: Situation) -> float:
         """The probability that no tumour of `sure_radius_m` or more is left to find; 0 while one is left to outline.
 
-        The number of tumours is Poisson of unknown rate, any rate being as likely as any other. With k found among
-        the share C of what could hide, the rate is Gamma(k + 1, C), and none is left with probability C^(k + 1).
-        Of the tumours of at least that radius the smallest hide best, so C is the share of balls hardly larger.
+        That is C^(k + 1), see `chance_of_none_left`. Of the tumours of at least that radius the smallest hide best, so
+        C is the share of balls hardly larger.
 
         Args:
             situation: What is known so far.
         """
         if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
             return 0.0
-        range_m = (self.sure_radius_m, _SURE_RADIUS_RATIO * self.sure_radius_m)
+        range_m = (self.sure_radius_m, SURE_RADIUS_RATIO * self.sure_radius_m)
         prior = replace(self.balls, radius_range_m=range_m, overlap_share=0.5, radius_power=0.0)
-        balls = self._hidden(situation, prior)
-        hiding = still_hiding(
-            balls, situation.readings, situation.false_negative_rate, situation.false_positive_rate
-        )
-        is_left = situation.available(exclude_sensed=True)
-        is_findable = (hiding < balls.weights) | (balls.finds.T @ is_left.astype(np.float32) > 0)
-        share = 1.0 - hiding[is_findable].sum() / max(balls.weights[is_findable].sum(), 1e-30)
+        share = share_known_free(self._hidden(situation, prior), situation)
         lattice = fine_lattice(situation.search_points_m)
         tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
-        return float(share) ** (n_clusters(tumour_m, _CLUSTER_GAP_M) + 1)
+        return chance_of_none_left(n_clusters(tumour_m, _CLUSTER_GAP_M), share)
 
     def _hidden(self, situation: Situation, prior: BallPrior | None = None) -> HiddenBalls:
         return hidden_balls(

@@ -14,9 +14,10 @@ from searched import CONE, FEW, PLANNER, POINTS, play, situation
 from mapping import LabelledPoints
 from planner import FindAndOutline, PlannerError, Workspace
 from planner.find_and_outline.fine_lattice import fine_lattice
-from planner.find_and_outline.frontier import n_clusters, seen_weight
+from planner.find_and_outline.frontier import seen_weight
 from planner.find_and_outline.hidden_balls import distance_to_cones, hidden_balls, still_hiding
 from planner.find_and_outline.tour import shortest_tour
+from planner.stopping.lesion_count import n_clusters
 
 # --- search ---
 

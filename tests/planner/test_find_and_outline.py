@@ -17,7 +17,7 @@ from planner.find_and_outline.fine_lattice import fine_lattice
 from planner.find_and_outline.frontier import seen_weight
 from planner.find_and_outline.hidden_balls import distance_to_cones, hidden_balls, still_hiding
 from planner.find_and_outline.tour import shortest_tour
-from planner.stopping.lesion_count import n_clusters
+from planner.stopping.lesion_count import n_lesions as n_clusters
 
 # --- search ---
 

@@ -231,7 +231,9 @@ class FindAndOutline(Planner):
         lattice = fine_lattice(situation.search_points_m)
         tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
         labels_m = label_spacing_m(situation.cone, situation.readings)
-        return n_lesions(tumour_m, max(lattice.cell_m3 ** (1.0 / 3.0), labels_m))
+        free_m = [reading.points_m[~reading.is_occupied] for reading in situation.readings]
+        spacing_m = max(lattice.cell_m3 ** (1.0 / 3.0), labels_m)
+        return n_lesions(tumour_m, np.concatenate([np.empty((0, 3)), *free_m]), spacing_m)
 
     def _hidden(self, situation: Situation, prior: BallPrior | None = None) -> HiddenBalls:
         return hidden_balls(

@@ -5,8 +5,8 @@ are balls. As many as in the patients of LiTS are planted, of their sizes and ev
 but of 8 to 10 mm diameter and where few poses could find them (`small, hard places`), for which the planner is told
 nothing, or their size. Each episode is stopped by confidence or by cost; at every tenth action of the former is kept
 what the planner states and what is true. A lesion counts as missed if no reading had a label in it. The map's hinges
-are 18 mm apart in place of 11.25, which makes an action half as dear. The file `--out` keeps each episode as it ends, so
-the benchmark, called again, goes on where it was stopped. A change of the code needs a new file.
+are 18 mm apart in place of 11.25, which makes an action half as dear. The file `--out` keeps each episode as it ends,
+so the benchmark, called again, goes on where it was stopped. A change of the code needs a new file.
 """
 
 from __future__ import annotations
@@ -92,17 +92,18 @@ def run(case: str, rule: str, seed: int, options: Options) -> Entry:
             map_settings=MapSettings(hinge_spacing_m=HINGES_M),
             detail=DetailSettings(),
         )
-        rules = (
-            {"until_confident": options.confidence}
-            if rule == "confidence"
-            else {"miss_cost": options.miss_cost}
+        is_sure = rule == "confidence"
+        steps = episode.steps(
+            options.steps,
+            until_confident=options.confidence if is_sure else None,
+            miss_cost=None if is_sure else options.miss_cost,
         )
         is_found, n_steps = np.zeros(len(balls), dtype=bool), 0
-        for step in episode.steps(options.steps, **rules):
+        for step in steps:
             labels_m = step.reading.points_m[step.reading.is_occupied]
             is_found |= np.array([body.contains(labels_m).any() for body in bodies], dtype=bool)
             n_steps = step.step
-            if rule == "confidence" and n_steps % EVERY == 0:
+            if is_sure and n_steps % EVERY == 0:
                 stated.append(statement(episode, planner, is_found, is_findable))
         left = planner.what_is_left(episode.situation())
     row = {
@@ -218,11 +219,12 @@ def count_text(some: list[dict[str, Any]]) -> str:
     over = np.mean([each["counted"] > each["touched"] for each in late])
     under = np.mean([each["counted"] < each["touched"] for each in late])
     ratio = sum(each["counted"] for each in late) / max(sum(each["touched"] for each in late), 1)
+    last = [row["stated"][-1] for row in some if row["stated"]]
+    beyond, unseen = (np.mean([each[key] for each in last]) for key in ("expected_unseeable", "unseen"))
     return (
         f"counted {ratio:.2f} of the lesions touched; too many in {over:.1%} and too few in {under:.1%} of {len(late)} "
         f"statements; {np.mean([row['unseeable_share'] for row in some]):.1%} of what is expected is out of sight: "
-        f"{np.mean([row['stated'][-1]['expected_unseeable'] for row in some if row['stated']]):.2f} lesions in the last "
-        f"statement, truly {np.mean([row['stated'][-1]['unseen'] for row in some if row['stated']]):.2f}"
+        f"{beyond:.2f} lesions in the last statement, truly {unseen:.2f}"
     )
 
 

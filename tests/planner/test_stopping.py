@@ -26,7 +26,7 @@ def unit_vectors(rng, n):
 
 
 def planted_points(rng, *, diameter_m, gap_m=None, spacing_m=0.004):
-    """Likely tumour and free labels of one ball, or of two that are a gap apart, as dense as labels that lie by chance."""
+    """Likely tumour and free labels, strewn by chance, of one ball or of two that are a gap apart."""
     [way] = unit_vectors(rng, 1)
     half_m = 0.0 if gap_m is None else (diameter_m + gap_m) / 2.0
     centres_m = np.array([-half_m * way, half_m * way])[: 1 if gap_m is None else 2]
@@ -117,11 +117,14 @@ def test_lesions_have_the_sizes_of_the_prior_lie_inside_and_no_pose_finds_the_un
     assert 0.05 < told.unseeable_share < 0.95
     # By another way: no cone holds a point of the ball of half the radius.
     way = unit_vectors(np.random.default_rng(0), 60)
+    n_equal = 0
     for ball in range(0, len(radii_m), 40):
         shell_m = np.vstack([centres_m[ball], centres_m[ball] + 0.49 * radii_m[ball] * way])
         poses = zip(workspace.positions_m, workspace.normals, strict=True)
         is_held = any(CONE.contains(shell_m, at_m, normal).any() for at_m, normal in poses)
         assert can_be_found[ball] or not is_held
+        n_equal += can_be_found[ball] == is_held
+    assert n_equal >= 47  # of 50; 60 directions miss a graze, and beyond an edge the distance is too small
     none = replace(asked, skipped=frozenset(range(workspace.n_poses)))
     assert what_is_left(none, SMALL, 0).unseeable_share == 1.0
 

@@ -202,7 +202,7 @@ def calibration_table(some: list[dict[str, Any]], key: str) -> str:
                 f"{np.mean([each[key] for each in within]):.3f}",
                 none_text(within, len(some)),
                 f"{np.mean([each['expected'] for each in within]):.2f}",
-                mean_text([each["left"] for each in within]),
+                f"{np.mean([each['left'] for each in within]):.2f}",
             ])  # fmt: skip
     return markdown_table(head, lines)
 

@@ -53,10 +53,7 @@ def run_seed(config: EpisodeConfig, at: tuple[int, ...]) -> dict[str, Any]:
         )
         auprc: list[float] = []
         sensed: list[float] = []
-        steps = episode.steps(
-            parts.n_steps, until_sensed=parts.until_sensed, until_confident=parts.until_confident
-        )
-        for step in steps:
+        for step in episode.steps(parts.n_steps, **parts.stops):
             auprc.append(np.nan if step.auprc is None else step.auprc)
             sensed.append(np.nan if step.sensed_fraction is None else step.sensed_fraction)
     reached = np.flatnonzero(np.array(sensed) >= 0.95)

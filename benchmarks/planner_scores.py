@@ -39,7 +39,9 @@ def row(group: TrialGroup, at: tuple[int, ...]) -> list[str]:
     cells = []
     for n in at:
         has_map = group.n_steps >= n and curve.shape[1] >= n and np.isfinite(curve[:, n - 1]).all()
-        is_fixed = all(group.setting(name) is None for name in ("until_sensed", "until_confident"))
+        is_fixed = all(
+            group.setting(name) is None for name in ("until_sensed", "until_confident", "miss_cost")
+        )
         values = curve[:, n - 1] if has_map and is_fixed else np.empty(0)
         cells.append(f"{values.mean():.3f} ± {values.std(ddof=1):.3f}" if values.size > 1 else "-")
         cells.append(split(values, group.curve("sensed_fraction")[:, n - 1]) if values.size > 1 else "-")

@@ -26,8 +26,16 @@ from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
-from .registry import confident_planner_names, make_planner, planner_class, planner_names
+from .registry import (
+    confident_planner_names,
+    make_planner,
+    planner_class,
+    planner_names,
+    weighing_planner_names,
+)
 from .situation import Situation
+from .stopping.lesion_prior import LesionPrior
+from .stopping.what_is_left import WhatIsLeft
 from .visibility import scattered_poses, visibility, visible_points
 from .workspace import Workspace
 
@@ -37,6 +45,7 @@ __all__ = [
     "ExpectedVolume",
     "FindAndOutline",
     "GreedyCoverage",
+    "LesionPrior",
     "MultiResolution",
     "MutualInformation",
     "Planner",
@@ -46,6 +55,7 @@ __all__ = [
     "Situation",
     "ThompsonSampling",
     "UpperConfidenceBound",
+    "WhatIsLeft",
     "Workspace",
     "confident_planner_names",
     "expected_improvement",
@@ -60,4 +70,5 @@ __all__ = [
     "upper_confidence_bound",
     "visibility",
     "visible_points",
+    "weighing_planner_names",
 ]

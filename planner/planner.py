@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from .situation import Situation
+from .stopping.what_is_left import WhatIsLeft
 
 
 class Planner(ABC):
@@ -41,3 +42,24 @@ class Planner(ABC):
             situation: What is known so far.
         """
         return 0.0
+
+    @property
+    def weighs_cost(self) -> bool:
+        """Whether the planner can tell when to go on is not worth the actions."""
+        return type(self).is_worth_going_on is not Planner.is_worth_going_on
+
+    def is_worth_going_on(self, situation: Situation) -> bool:
+        """Whether more actions are worth it, where a missed lesion is worth `situation.miss_cost` of them.
+
+        Args:
+            situation: What is known so far.
+        """
+        return True
+
+    def what_is_left(self, situation: Situation) -> WhatIsLeft | None:
+        """The lesions that are expected to be left; None where the planner cannot tell.
+
+        Args:
+            situation: What is known so far.
+        """
+        return None

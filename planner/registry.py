@@ -42,6 +42,13 @@ def confident_planner_names() -> tuple[str, ...]:
     return tuple(name for name, made in _PLANNERS.items() if made.confidence is not Planner.confidence)
 
 
+def weighing_planner_names() -> tuple[str, ...]:
+    """The names of the planners that tell when to go on is not worth the actions."""
+    return tuple(
+        name for name, made in _PLANNERS.items() if made.is_worth_going_on is not Planner.is_worth_going_on
+    )
+
+
 def planner_class(name: str) -> type[Planner]:
     """The class of the planner of that name.
 

@@ -45,6 +45,8 @@ class Situation:
     motion_s: Callable[[NDArray[np.intp]], NDArray[np.float64]] | None = None
     """Modelled time of the transfer from above the last pose to above others [s], infinite for those that the arm does
     not reach; None where nobody can say, as before the first action."""
+    miss_cost: float | None = None
+    """How many sensing actions a missed lesion is worth; None where nobody says."""
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s]."""
     draw_map: Callable[[np.random.Generator], NDArray[np.float64]] | None = None

@@ -46,6 +46,7 @@ WITHIN = {
     "mapping.near_tumour": "mapping",
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
+    "planner.stopping": "planner",
     "sim.campaign.engines": "sim.campaign",
     "sim.comparison.lesions": "sim.comparison",
     "sim.bound.check": "sim.bound",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import ClassVar
 
 import numpy as np
@@ -14,9 +15,14 @@ from mapping import Prediction
 from ..errors import PlannerError
 from ..planner import Planner
 from ..situation import Situation
+from ..stopping.confidence import SURE_RADIUS_RATIO, chance_of_none_left, share_known_free
+from ..stopping.expectation import is_worth_searching, what_is_left
+from ..stopping.lesion_count import label_spacing_m, n_lesions
+from ..stopping.lesion_prior import LesionPrior
+from ..stopping.what_is_left import WhatIsLeft
 from .fine_lattice import FineLattice, fine_lattice
-from .frontier import n_clusters, probability_at, seen_weight, sensed_points
-from .hidden_balls import BallPrior, HiddenBalls, hidden_balls, still_hiding
+from .frontier import probability_at, seen_weight, sensed_points
+from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
 from .tour import MAX_STOPS, shortest_tour
 
 _FAILURE_RADIUS_M = 0.008
@@ -25,10 +31,8 @@ _AFTER_FAILURE = 0.5
 """Factor of such a pose's score for every failure near it."""
 _CANDIDATE_GAP_M = 0.02
 """Where ways count, the best pose of each cube of this side is a candidate [m]."""
-_CLUSTER_GAP_M = 0.01
-"""Places of likely tumour farther apart than about this count as two tumours [m]."""
-_SURE_RADIUS_RATIO = 1.25
-"""Ratio of the largest radius to the smallest, of the balls that confidence is about."""
+_N_AHEAD = 8
+"""Poses of a search that are weighed together, before it is given up as not worth its actions."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +61,8 @@ class FindAndOutline(Planner):
     """Radius of the smallest tumours of which the confidence says that none is left [m]."""
     balls: BallPrior = field(default_factory=BallPrior)
     """The balls that the search takes to be possible."""
+    lesions: LesionPrior = field(default_factory=LesionPrior)
+    """The lesions that are expected before anything is sensed; only what is left, and its worth, go by them."""
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -79,7 +85,9 @@ class FindAndOutline(Planner):
         """
         workspace = situation.workspace
         is_left = situation.available(exclude_sensed=True)
-        score = self.score(situation)
+        score = (
+            self.score(situation) if self._is_worth_searching(situation) else self.outline_score(situation)
+        )
         _heed_failures(score, situation)
         score[~is_left] = -1.0
         by_way = iter(self._by_way(situation, score))
@@ -105,18 +113,31 @@ class FindAndOutline(Planner):
 
     def _tour(self, situation: Situation, is_left: NDArray[np.bool_]) -> list[int]:
         """The batch of poses that together find most, chosen greedily, in the order of the shortest way."""
-        chosen: list[int] = []
-        for _ in range(min(self.batch, int(is_left.sum()))):
-            score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
-            _heed_failures(score, situation)
-            score[~is_left] = -1.0
-            score[chosen] = -1.0
-            chosen.append(int(np.argmax(score)))
+        chosen = list(islice(self._search_plan(situation, is_left), self.batch))
         poses = np.array(chosen)
         places_m = situation.workspace.positions_m[poses]
         between_m = np.linalg.norm(places_m[:, None] - places_m, axis=2)
         last_m = situation.workspace.positions_m[situation.sensed[-1]]
         return [chosen[i] for i in shortest_tour(np.linalg.norm(places_m - last_m, axis=1), between_m)]
+
+    def _search_plan(self, situation: Situation, is_left: NDArray[np.bool_]) -> Iterator[int]:
+        """The poses that a search takes one after the other as long as it finds nothing."""
+        chosen: list[int] = []
+        while len(chosen) < is_left.sum():
+            score = self.search_score(replace(situation, sensed=(*situation.sensed, *chosen)))
+            _heed_failures(score, situation)
+            score[~is_left] = -1.0
+            score[chosen] = -1.0
+            chosen.append(int(np.argmax(score)))
+            yield chosen[-1]
+
+    def _is_worth_searching(self, situation: Situation) -> bool:
+        """Whether the next poses of the search are worth it; they are where nobody says what a miss costs."""
+        if situation.miss_cost is None or not situation.sensed:
+            return True
+        plan = islice(self._search_plan(situation, situation.available(exclude_sensed=True)), _N_AHEAD)
+        found = self._n_found(situation)
+        return is_worth_searching(situation, self.lesions, found, plan, situation.miss_cost)
 
     def _is_worth_outlining(self, outline: NDArray[np.float64], situation: Situation) -> bool:
         """Whether some pose that is left outlines enough."""
@@ -174,27 +195,45 @@ class FindAndOutline(Planner):
     def confidence(self, situation: Situation) -> float:
         """The probability that no tumour of `sure_radius_m` or more is left to find; 0 while one is left to outline.
 
-        The number of tumours is Poisson of unknown rate, any rate being as likely as any other. With k found among
-        the share C of what could hide, the rate is Gamma(k + 1, C), and none is left with probability C^(k + 1).
-        Of the tumours of at least that radius the smallest hide best, so C is the share of balls hardly larger.
+        That is C^(k + 1), see `chance_of_none_left`. Of the tumours of at least that radius the smallest hide best, so
+        C is the share of balls hardly larger.
 
         Args:
             situation: What is known so far.
         """
         if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
             return 0.0
-        range_m = (self.sure_radius_m, _SURE_RADIUS_RATIO * self.sure_radius_m)
+        range_m = (self.sure_radius_m, SURE_RADIUS_RATIO * self.sure_radius_m)
         prior = replace(self.balls, radius_range_m=range_m, overlap_share=0.5, radius_power=0.0)
-        balls = self._hidden(situation, prior)
-        hiding = still_hiding(
-            balls, situation.readings, situation.false_negative_rate, situation.false_positive_rate
-        )
-        is_left = situation.available(exclude_sensed=True)
-        is_findable = (hiding < balls.weights) | (balls.finds.T @ is_left.astype(np.float32) > 0)
-        share = 1.0 - hiding[is_findable].sum() / max(balls.weights[is_findable].sum(), 1e-30)
+        share = share_known_free(self._hidden(situation, prior), situation)
+        return chance_of_none_left(self._n_found(situation), share)
+
+    def is_worth_going_on(self, situation: Situation) -> bool:
+        """Whether some pose outlines enough, or the next poses of the search are worth their actions.
+
+        Args:
+            situation: What is known so far.
+        """
+        if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
+            return True
+        return self._is_worth_searching(situation)
+
+    def what_is_left(self, situation: Situation) -> WhatIsLeft:
+        """The lesions that are expected to be left, see `stopping.expectation.what_is_left`.
+
+        Args:
+            situation: What is known so far.
+        """
+        return what_is_left(situation, self.lesions, self._n_found(situation))
+
+    def _n_found(self, situation: Situation) -> int:
+        """The number of lesions found, which are clusters of likely tumour."""
         lattice = fine_lattice(situation.search_points_m)
         tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
-        return float(share) ** (n_clusters(tumour_m, _CLUSTER_GAP_M) + 1)
+        labels_m = label_spacing_m(situation.cone, situation.readings)
+        free_m = [reading.points_m[~reading.is_occupied] for reading in situation.readings]
+        spacing_m = max(lattice.cell_m3 ** (1.0 / 3.0), labels_m)
+        return n_lesions(tumour_m, np.concatenate([np.empty((0, 3)), *free_m]), spacing_m)
 
     def _hidden(self, situation: Situation, prior: BallPrior | None = None) -> HiddenBalls:
         return hidden_balls(

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from time import perf_counter
 from typing import ClassVar
 
-from planner import Planner, Situation
+from planner import Planner, Situation, WhatIsLeft
 from sim.episode.positioner import Positioner
 
 N_AHEAD = 32
@@ -49,6 +49,19 @@ class Lookahead(Planner):
     def confidence(self, situation: Situation) -> float:
         """The planner's own confidence."""
         return self._planner.confidence(situation)
+
+    @property
+    def weighs_cost(self) -> bool:
+        """Whether the planner itself can tell."""
+        return self._planner.weighs_cost
+
+    def is_worth_going_on(self, situation: Situation) -> bool:
+        """Whether more actions are worth it to the planner itself."""
+        return self._planner.is_worth_going_on(situation)
+
+    def what_is_left(self, situation: Situation) -> WhatIsLeft | None:
+        """What the planner itself expects to be left."""
+        return self._planner.what_is_left(situation)
 
     def _next_poses(self, situation: Situation, pose: int) -> list[int]:
         """The poses that the planner will choose after `pose`, if all are reached."""

@@ -74,13 +74,10 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
     episode = make_episode(parts, setup, planner=ahead, casts_rays=parts.keeps_map)
     setup_s = perf_counter() - setup_start_s
     totals, witness = Totals(), EpisodeWitness(episode, parts.map_settings.prior_prevalence)
-    steps = episode.steps(
-        parts.n_steps, until_sensed=parts.until_sensed, until_confident=parts.until_confident
-    )
-    for step in steps:
+    for step in episode.steps(parts.n_steps, **parts.stops):
         totals.add(step)
         witness.note()
-    summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
+    summary = episode_summary(episode, totals, episode.metrics(), parts)
     found_start_s = perf_counter()
     measures, findings = _findings(witness.evidence())
     summary |= measures

@@ -47,6 +47,7 @@ sounding episode --scenario sphere --planner random --arm none --steps 5
 sounding episode --organ liver.nii.gz --tumour-label 2    # a patient's label volume
 sounding episode --organ liver.stl --tumour tumour.stl --frames each
 sounding episode --until-confident 0.95 --steps 200       # stop when nothing is left to find
+sounding episode --miss-cost 100 --steps 200              # stop when a missed lesion is not worth more actions
 sounding episode --motion servo --steps 5                 # with the arm's motion simulated
 sounding episode --config renders/first/config.json --seed 1
 """

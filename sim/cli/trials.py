@@ -59,6 +59,10 @@ class Options:
     """Largest number of sensing actions of an episode."""
     until_sensed: float | None = None
     """Stop an episode as soon as this share of the tumours was sensed, for example 0.95."""
+    until_confident: float | None = None
+    """Stop an episode as soon as the planner is this confident that nothing is left to find or outline."""
+    miss_cost: float | None = None
+    """Stop an episode as soon as going on is not worth it, where a missed lesion is worth this many sensing actions."""
     motion: MotionKind | None = None
     """Motion of the probe: none (it jumps, with the time of its way estimated, which is far faster), kinematic (a path
     is searched) or servo (the path is simulated); by default none, or that of the study."""
@@ -127,7 +131,7 @@ class Options:
             for name in ("scenario", "planner", "sensor", "arm", "probe")
             if getattr(self, name)
         }
-        for name in ("steps", "until_sensed", "motion", "map"):
+        for name in ("steps", "until_sensed", "until_confident", "miss_cost", "motion", "map"):
             if getattr(self, name) is not None:
                 given[name] = (converted(name, getattr(self, name)),)
         if self.trials is not None:

@@ -33,20 +33,8 @@ from .measures import NEVER, never, note_first
 from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
 from .step import Ending, SkippedPose, Step
-from .target_belief import TargetBelief, checked_prediction, draws_of
+from .target_belief import TargetBelief, check_parts, checked_prediction, draws_of
 from .truth import Truth, make_truth
-
-
-def _check_parts(
-    planner: Planner, seed: int, tumour_map: TumourMapFactory | None, *, casts_rays: bool
-) -> None:
-    """Check that the parts of an episode go together."""
-    if seed < 0:
-        raise ValueError(f"seed={seed}: must be 0 or more.")
-    if planner.needs_belief and tumour_map is None:
-        raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
-    if tumour_map is not None and not casts_rays:
-        raise ValueError("A map needs readings: casts_rays must be True.")
 
 
 class Episode:
@@ -89,7 +77,7 @@ class Episode:
                 to plan for.
             WorldError: No place for the tumours was found.
         """
-        _check_parts(planner, seed, tumour_map, casts_rays=casts_rays)
+        check_parts(planner, seed, tumour_map, casts_rays=casts_rays)
         truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
         self.setup, self.planner = setup, planner
         self.truth: Truth = make_truth(setup, truth_rng)
@@ -117,6 +105,7 @@ class Episode:
         self.skipped: dict[int, SkippedPose] = {}
         self.ended_by: Ending | None = None
         self._confidence: dict[tuple[int, int], float] = {}
+        self._miss_cost: float | None = None
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -129,6 +118,7 @@ class Episode:
         *,
         until_sensed: float | None = None,
         until_confident: float | None = None,
+        miss_cost: float | None = None,
         on_skipped: Callable[[int], None] = lambda n_in_a_row: None,
     ) -> Iterator[Step]:
         """Sense until `n_steps` actions are done, a rule to stop is met, or no pose is left that the arm reaches.
@@ -137,8 +127,10 @@ class Episode:
             n_steps: Actions at most.
             until_sensed: Share of the detection points, of the class planned for, at which to stop; None for never.
             until_confident: Confidence of the planner that nothing is left at which to stop; None for never.
+            miss_cost: How many actions a missed lesion is worth; it stops where more are not worth it. None for never.
             on_skipped: Called whenever a pose is out of reach, with how many in a row are.
         """
+        self._miss_cost = miss_cost
         self._predict()
         for number in range(1, n_steps + 1):
             step = self._sense_once(number, on_skipped)
@@ -151,6 +143,8 @@ class Episode:
                 self.ended_by = "sensed"
             elif until_confident is not None and self.confidence() >= until_confident:
                 self.ended_by = "confident"
+            elif miss_cost is not None and not self.planner.is_worth_going_on(self.situation()):
+                self.ended_by = "not_worth"
             yield step
             if self.ended_by:
                 return
@@ -158,7 +152,7 @@ class Episode:
     def confidence(self) -> float:
         """How sure the planner is, from what is known so far, that nothing is left to find or outline."""
         if (known := (len(self.sensed), len(self.skipped))) not in self._confidence:
-            self._confidence = {known: self.planner.confidence(self._situation())}
+            self._confidence = {known: self.planner.confidence(self.situation())}
         return self._confidence[known]
 
     def metrics(self) -> MapMetrics | None:
@@ -208,7 +202,7 @@ class Episode:
         skipped: list[SkippedPose] = []
         motions: list[Motion] = []
         ik_s = move_s = 0.0
-        for pose in self.planner.rank(self._situation()):
+        for pose in self.planner.rank(self.situation()):
             start_s = perf_counter()
             answer = self.setup.positioner.reach(pose)
             reached_s = perf_counter()
@@ -247,7 +241,8 @@ class Episode:
         """Whose prediction and readings the planner sees."""
         return self.target if self._plans_for_target and self.target is not None else self
 
-    def _situation(self) -> Situation:
+    def situation(self) -> Situation:
+        """What the planner may know now."""
         travel = self._motion_model.travel
         return Situation(
             workspace=self.setup.workspace,
@@ -262,6 +257,7 @@ class Episode:
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
+            miss_cost=self._miss_cost,
             sensing_s=self._sensing_s,
             draw_map=draws_of(self._planned_for.tumour_map),
             rng=self._planner_rng,

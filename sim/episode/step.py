@@ -11,8 +11,9 @@ from sim.world.sensing.reading import Reading
 from .motion import Motion
 from .target_belief import TargetScore
 
-Ending = Literal["steps", "sensed", "confident", "no_pose_left"]
-"""What ends an episode: all its steps are done, enough is sensed, the planner is sure, or the arm reaches no more."""
+Ending = Literal["steps", "sensed", "confident", "not_worth", "no_pose_left"]
+"""What ends an episode: all its steps are done, enough is sensed, the planner is sure, more actions are not worth what
+they would find, or the arm reaches no more."""
 
 
 @dataclass(frozen=True)

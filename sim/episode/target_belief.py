@@ -14,10 +14,11 @@ from mapping import (
     MapMetrics,
     Prediction,
     TumourMap,
+    TumourMapFactory,
     average_precision,
     evaluate_map,
 )
-from planner import Cone
+from planner import Cone, Planner
 from sim.world.sensing.reading import Reading
 
 from .measures import NEVER, never, note_first
@@ -135,3 +136,15 @@ def checked_prediction(tumour_map: TumourMap, n_points: int) -> Prediction:
             f"{n_points} points of MapSpace.points_m."
         )
     return prediction
+
+
+def check_parts(
+    planner: Planner, seed: int, tumour_map: TumourMapFactory | None, *, casts_rays: bool
+) -> None:
+    """Check that the parts of an episode go together."""
+    if seed < 0:
+        raise ValueError(f"seed={seed}: must be 0 or more.")
+    if planner.needs_belief and tumour_map is None:
+        raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
+    if tumour_map is not None and not casts_rays:
+        raise ValueError("A map needs readings: casts_rays must be True.")

@@ -81,7 +81,8 @@ def account(summary: Mapping[str, Any], options: Mapping[str, Any], findings: Ma
         lesions += _lesions(target, "target", name)
     meaning = f"{MEANING} {PAPER}" if planner == PAPER_PLANNER else MEANING
     has_map = any(lesion.found for lesion in lesions)
-    return Account(tuple(found), tuple(lesions), _ended(summary, options), meaning if has_map else "")
+    ended = f"{_ended(summary, options)} {_left(summary)}".strip()
+    return Account(tuple(found), tuple(lesions), ended, meaning if has_map else "")
 
 
 def _found(findings: Mapping[str, Any], key: str, name: str | None = None) -> str:
@@ -126,9 +127,27 @@ def _ended(summary: Mapping[str, Any], options: Mapping[str, Any]) -> str:
         case "confident":
             goal = float(options["until_confident"])
             return f"It ended after {actions}, because {sure}; it was to stop at {goal:.0%}."
+        case "not_worth":
+            return (
+                f"It ended after {actions}, because nothing was left to outline and the search's next actions were not "
+                f"worth what they would find, with a missed lesion worth {float(options['miss_cost']):g} actions{also}."
+            )
         case "no_pose_left":
             return f"It ended after {actions}, because no pose was left that could be taken{also}."
     return ""
+
+
+def _left(summary: Mapping[str, Any]) -> str:
+    """How many lesions the planner expects to be left, within reach and beyond; empty where it was not asked."""
+    if "unseeable_share" not in summary:
+        return ""
+    n_counted = summary["n_lesions_counted"]
+    return (
+        f"It counts {n_counted} lesion{'' if n_counted == 1 else 's'} that a reading met, and expects "
+        f"{summary['lesions_left_expected']:.2f} more that some pose could find and "
+        f"{summary['lesions_unseeable_expected']:.2f} that no pose could: of the places and sizes that a lesion may "
+        f"have, {summary['unseeable_share']:.1%} are out of every pose's sight."
+    )
 
 
 def _claim(options: Mapping[str, Any]) -> str:

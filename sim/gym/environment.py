@@ -35,6 +35,7 @@ OF_THE_CALL = {
     "motion": "The probe jumps from pose to pose here; leave it out.",
     "until_sensed": f"An episode ends at {SENSED_GOAL}; leave it out.",
     "until_confident": "The agent decides; leave it out.",
+    "miss_cost": "The agent decides; leave it out.",
     "plan_for": "The reward is about tumours; leave it out.",
 }
 """Options of an episode that an environment does not take, and what to do."""

@@ -63,6 +63,15 @@ class FindAndOutlineConfig:
     """Number of poses that the search chooses together, of which it takes the first on the shortest way through all."""
     sure_radius_mm: float = 8.0
     """Least radius of the tumours that the planner's confidence, and so `until_confident`, is about [mm]."""
+    lesion_number: float = 6.5
+    """Mean number of lesions that are expected in the organ before anything is sensed. `miss_cost`, and what is told to
+    be left, go by this and the next three; the defaults are those of the patients of LiTS."""
+    lesion_number_shape: float = 0.55
+    """Shape of the negative binomial distribution of that number: below 1 most have few lesions and some have many."""
+    lesion_diameter_mm: float = 16.0
+    """Median diameter of the lesions that are expected, from 5 to 100 [mm]."""
+    lesion_diameter_spread: float = 0.69
+    """Standard deviation of the logarithm of that diameter, from 0 (all of one size) to 3."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,6 +204,10 @@ class EpisodeConfig:
     until_confident: float | None = None
     """Stop as soon as the planner is this confident that no tumour is left to find or outline, for example 0.95.
     Planners that tell no confidence refuse it. What lies in no pose's cone is left out; the results tell how much."""
+    miss_cost: float | None = None
+    """Stop as soon as nothing is left to outline and going on is not worth it, where a missed lesion is worth this many
+    sensing actions, for example 100. The lesions that are expected are those of `lesion_number` and its neighbours.
+    Planners that do not weigh this refuse it. Beside `until_confident`, what is met first ends the episode."""
     seed: int = 0
     """Seed of everything random. Planners that are given one seed face the same tumours."""
     arm: str = "default"
@@ -232,6 +245,8 @@ class EpisodeConfig:
             raise FieldError(
                 "until_confident", self.until_confident, "must be between 0 and 1, both excluded."
             )
+        if self.miss_cost is not None and not self.miss_cost > 0.0:
+            raise FieldError("miss_cost", self.miss_cost, "must be above 0.")
         if self.seed < 0:
             raise FieldError("seed", self.seed, "must be 0 or more.")
         self._check_names()

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mapping import DetailSettings, MapSettings, TumourMapFactory, make_hilbert_map
-from planner import Planner, PlannerError, confident_planner_names, make_planner, planner_class, planner_names
+from planner import (
+    LesionPrior,
+    Planner,
+    PlannerError,
+    confident_planner_names,
+    make_planner,
+    planner_class,
+    planner_names,
+    weighing_planner_names,
+)
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
@@ -54,10 +63,26 @@ class EpisodeParts:
     """Share of the tumours sensed at which the episode ends; None for never."""
     until_confident: float | None
     """Confidence of the planner at which the episode ends; None for never."""
+    miss_cost: float | None
+    """How many actions a missed lesion is worth; the episode ends where more are not worth it. None for never."""
     plans_for_target: bool
     """Whether the planner is shown the map of a second class in place of the tumours'."""
     names: dict[str, Any]
     """What planner, arm and probe are called in summaries."""
+
+    @property
+    def stops(self) -> dict[str, Any]:
+        """The rules by which the episode ends, as `Episode.steps` takes them."""
+        return {
+            "until_sensed": self.until_sensed,
+            "until_confident": self.until_confident,
+            "miss_cost": self.miss_cost,
+        }
+
+    @property
+    def asks_what_is_left(self) -> bool:
+        """Whether the episode may end by what the planner takes to be left."""
+        return self.until_confident is not None or self.miss_cost is not None
 
     @property
     def keeps_map(self) -> bool:
@@ -91,7 +116,7 @@ def make_parts(
                 f"`{name}`: {thing.__name__} is a class. Give an object of it, {thing.__name__}()."
             )
     planner = planner or planner_of(config)
-    _check_confidence(config, planner)
+    _check_stops(config, planner)
     settings = map_settings_of(config, planner)
     return EpisodeParts(
         scenario=scenario_of(config, scenario),
@@ -109,6 +134,7 @@ def make_parts(
         n_steps=config.steps,
         until_sensed=config.until_sensed,
         until_confident=config.until_confident,
+        miss_cost=config.miss_cost,
         plans_for_target=config.planning.plan_for == "target",
         names={"planner": config.planner, "arm": config.arm, "probe": config.probe},
     )
@@ -125,7 +151,7 @@ def check_config(config: EpisodeConfig) -> None:
     servo_settings_of(config)
     if config.planner in planner_names():
         planner = planner_of(config)
-        _check_confidence(config, planner)
+        _check_stops(config, planner)
         map_settings_of(config, planner)
 
 
@@ -186,6 +212,12 @@ def _named_planner(config: EpisodeConfig) -> Planner:
             travel_weight=own.travel_weight,
             batch=own.batch,
             sure_radius_m=own.sure_radius_mm * MM,
+            lesions=LesionPrior(
+                mean_number=own.lesion_number,
+                number_shape=own.lesion_number_shape,
+                median_diameter_m=own.lesion_diameter_mm * MM,
+                diameter_spread=own.lesion_diameter_spread,
+            ),
         )
     if config.planner == "expected-improvement":
         ei = config.expected_improvement
@@ -200,18 +232,24 @@ def _named_planner(config: EpisodeConfig) -> Planner:
     return make_planner(config.planner, **parse_plug_options(config.planning.planner_option))
 
 
-def _check_confidence(config: EpisodeConfig, planner: Planner) -> None:
-    """Refuse a confidence to stop at where the planner never tells one, since the run would never stop by it."""
-    if config.until_confident is None or planner.tells_confidence:
-        return
+def _check_stops(config: EpisodeConfig, planner: Planner) -> None:
+    """Refuse rules to stop by of which the planner tells nothing, since the run would never stop by them."""
     names = (each for each in planner_names() if planner_class(each) is type(planner))
     name = next(names, type(planner).__name__)
-    raise FieldError(
-        "until_confident",
-        config.until_confident,
-        f"the planner {name} does not tell how sure it is. {', '.join(confident_planner_names())} does, and one of "
-        "your own that defines confidence.",
-    )
+    if config.until_confident is not None and not planner.tells_confidence:
+        raise FieldError(
+            "until_confident",
+            config.until_confident,
+            f"the planner {name} does not tell how sure it is. {', '.join(confident_planner_names())} does, and one of "
+            "your own that defines confidence.",
+        )
+    if config.miss_cost is not None and not planner.weighs_cost:
+        raise FieldError(
+            "miss_cost",
+            config.miss_cost,
+            f"the planner {name} does not weigh what more actions are worth. {', '.join(weighing_planner_names())} "
+            "does, and one of your own that defines is_worth_going_on.",
+        )
 
 
 def sensor_of(config: EpisodeConfig) -> Sensor:

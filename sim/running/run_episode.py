@@ -223,13 +223,8 @@ class _EpisodeRun:
         with tqdm(
             total=parts.n_steps, desc="sensing", unit="action", mininterval=0.5, disable=not show_progress
         ) as progress:
-            steps = self._episode.steps(
-                parts.n_steps,
-                until_sensed=parts.until_sensed,
-                until_confident=parts.until_confident,
-                on_skipped=partial(self._tell_skipped, progress, interrupt),
-            )
-            for step in steps:
+            on_skipped = partial(self._tell_skipped, progress, interrupt)
+            for step in self._episode.steps(parts.n_steps, **parts.stops, on_skipped=on_skipped):
                 self._totals.add(step)
                 write_step(self._folder, self._episode, step)
                 if draws_each:
@@ -262,7 +257,7 @@ class _EpisodeRun:
         if self._output.frames == "last" and totals.steps:
             self._frames.draw("final.png", totals.steps[-1])
         self._frames.close()
-        summary = episode_summary(episode, totals, episode.metrics(), seed=parts.seed, names=parts.names)
+        summary = episode_summary(episode, totals, episode.metrics(), parts)
         summary |= {
             "folder": str(folder.path),
             "status": self._status,

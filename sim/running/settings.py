@@ -17,6 +17,10 @@ from .fields import value_of
 
 FIELD_OF = {
     "sure_radius_m": "sure_radius_mm",
+    "mean_number": "lesion_number",
+    "number_shape": "lesion_number_shape",
+    "median_diameter_m": "lesion_diameter_mm",
+    "diameter_spread": "lesion_diameter_spread",
     "threshold_rad": "ei_threshold_deg",
     "exclusion_share": "ei_exclusion_share",
     "travel_weight": "travel_weight",

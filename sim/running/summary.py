@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +14,7 @@ from sim.episode.step import Step
 from sim.episode.target_belief import TargetBelief
 
 from .config import DEFAULT_PROBE
+from .parts import EpisodeParts
 
 
 @dataclass
@@ -54,7 +54,7 @@ class Totals:
 
 
 def episode_summary(
-    episode: Episode, totals: Totals, metrics: MapMetrics | None, *, seed: int, names: Mapping[str, Any]
+    episode: Episode, totals: Totals, metrics: MapMetrics | None, parts: EpisodeParts
 ) -> dict[str, Any]:
     """The results of an episode, as summary.json and the rows of trials hold them.
 
@@ -62,17 +62,16 @@ def episode_summary(
         episode: The episode after its last step.
         totals: The totals of its steps.
         metrics: Scores of its map; None without a map.
-        seed: Seed of the episode.
-        names: What `planner`, `arm` and `probe` are called; the embedded probe is not told of.
+        parts: What it was made of. What the planner expects to be left is told where the episode may end by that.
     """
-    last = totals.steps[-1] if totals.steps else None
+    last, names = totals.steps[-1] if totals.steps else None, parts.names
     tumour_of = episode.truth.anatomy.tumour_of(episode.setup.search_points_m)
     return {
         "scenario": episode.setup.scenario.name,
         "planner": names["planner"],
         "arm": names["arm"],
         **({} if names.get("probe", DEFAULT_PROBE) == DEFAULT_PROBE else {"probe": names["probe"]}),
-        "seed": seed,
+        "seed": parts.seed,
         "n_sensings": len(totals.steps),
         "sensings_to_95": totals.sensings_to_95,
         "sensed_fraction": None if last is None else last.sensed_fraction,
@@ -84,9 +83,23 @@ def episode_summary(
         ],
         **_target_summary(episode.target, totals),
         "confidence": episode.confidence(),
+        **(_left(episode) if parts.asks_what_is_left else {}),
         "n_skipped_poses": totals.n_skipped_poses,
         **totals.motion(),
         **totals.seconds(),
+    }
+
+
+def _left(episode: Episode) -> dict[str, Any]:
+    """How many lesions the planner counts and expects to be left, and the share that no pose could find."""
+    left = episode.planner.what_is_left(episode.situation())
+    if left is None:
+        return {}
+    return {
+        "n_lesions_counted": left.n_found,
+        "lesions_left_expected": left.expected_left,
+        "unseeable_share": left.unseeable_share,
+        "lesions_unseeable_expected": left.expected_unseeable,
     }
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from planner_situations import box_points, make_situation
 
+from mapping import LabelledPoints
 from planner import Cone, FindAndOutline
 from planner.find_and_outline.hidden_balls import BallPrior
 
@@ -32,3 +33,23 @@ def play(planner, n_steps, workspace, unreachable=frozenset()):
             assert pose not in skipped
             skipped.add(pose)
     return sensed, skipped
+
+
+def blob(centre_m, radius_m):
+    """A latent at `POINTS` that is high within a ball."""
+    return np.where(np.linalg.norm(POINTS - centre_m, axis=1) < radius_m, 4.0, -6.0)
+
+
+def seen_free(workspace, sensed, n_points=1000):
+    """Readings of a sensor that finds nothing: points even in each cone, those outside the organ's box left out."""
+    rng = np.random.default_rng(0)
+    readings = []
+    for pose in sensed:
+        depth_m = CONE.depth_m * np.cbrt(rng.random(n_points))
+        radius_m = depth_m * math.tan(CONE.half_angle_rad) * np.sqrt(rng.random(n_points))
+        turn = rng.uniform(0.0, 2.0 * np.pi, n_points)
+        offset_m = np.column_stack([radius_m * np.cos(turn), radius_m * np.sin(turn), -depth_m])
+        readings.append(
+            LabelledPoints(workspace.positions_m[pose] + offset_m, np.zeros(n_points, dtype=bool))
+        )
+    return tuple(readings)

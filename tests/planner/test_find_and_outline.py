@@ -9,12 +9,12 @@ import pytest
 from planner_situations import flat_workspace, make_situation
 from scipy.spatial import cKDTree
 from scipy.stats import nbinom
-from searched import CONE, FEW, PLANNER, POINTS, play, situation
+from searched import CONE, FEW, PLANNER, POINTS, blob, play, seen_free, situation
 
 from mapping import LabelledPoints
 from planner import FindAndOutline, PlannerError, Workspace
 from planner.find_and_outline.fine_lattice import fine_lattice
-from planner.find_and_outline.frontier import n_clusters, seen_weight
+from planner.find_and_outline.frontier import seen_weight
 from planner.find_and_outline.hidden_balls import distance_to_cones, hidden_balls, still_hiding
 from planner.find_and_outline.tour import shortest_tour
 
@@ -99,10 +99,6 @@ def test_the_more_was_found_the_more_is_a_search_worth():
 
 
 # --- outline ---
-
-
-def blob(centre_m, radius_m):
-    return np.where(np.linalg.norm(POINTS - centre_m, axis=1) < radius_m, 4.0, -6.0)
 
 
 def test_a_likely_tumour_that_no_cone_held_is_covered_next():
@@ -198,21 +194,6 @@ def test_it_chooses_the_same_whatever_the_generator():
 # --- stopping ---
 
 
-def seen_free(workspace, sensed, n_points=1000):
-    """Readings of a sensor that finds nothing: points even in each cone, those outside the organ's box left out."""
-    rng = np.random.default_rng(0)
-    readings = []
-    for pose in sensed:
-        depth_m = CONE.depth_m * np.cbrt(rng.random(n_points))
-        radius_m = depth_m * math.tan(CONE.half_angle_rad) * np.sqrt(rng.random(n_points))
-        turn = rng.uniform(0.0, 2.0 * np.pi, n_points)
-        offset_m = np.column_stack([radius_m * np.cos(turn), radius_m * np.sin(turn), -depth_m])
-        readings.append(
-            LabelledPoints(workspace.positions_m[pose] + offset_m, np.zeros(n_points, dtype=bool))
-        )
-    return tuple(readings)
-
-
 def test_the_confidence_is_the_negative_binomials_chance_of_no_more():
     # k found at coverage C: hidden ~ NegBin(k + 1, C), whose mass at 0 is C^(k + 1).
     for k, share in ((0, 0.7), (3, 0.95)):
@@ -267,14 +248,6 @@ def test_without_a_tumour_it_becomes_sure_and_with_an_open_one_it_is_not():
     assert confidences[-1] > 0.95
     open_one = situation(workspace=workspace, mean=blob(np.array([0.07, 0.07, -0.03]), 0.02), sensed=(0,))
     assert PLANNER.confidence(open_one) == 0.0
-
-
-def test_clusters_are_counted():
-    rng = np.random.default_rng(0)
-    one, other = rng.uniform(0.0, 0.02, (50, 3)), rng.uniform(0.05, 0.06, (20, 3))
-    assert n_clusters(np.vstack([one, other]), 0.01) == 2
-    assert n_clusters(one, 0.01) == 1
-    assert n_clusters(np.empty((0, 3)), 0.01) == 0
 
 
 # --- arguments ---

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from planner import make_planner
+from planner import RandomOrder, WhatIsLeft, make_planner
 from sim.campaign.lookahead import N_AHEAD, Lookahead
 from sim.episode.episode import Episode
 
@@ -17,6 +17,26 @@ def test_an_episode_is_the_same_with_and_without(sphere_arm_setup, name) -> None
         return [(step.pose_index, step.sensed_fraction, step.ik.q.tolist()) for step in episode.steps(12)]
 
     assert steps(Lookahead(make_planner(name), sphere_arm_setup.positioner)) == steps(make_planner(name))
+
+
+def test_when_to_stop_is_asked_of_the_planner_itself(sphere_arm_setup) -> None:
+    left = WhatIsLeft(
+        n_found=1, expected_left=0.5, chance_of_none=0.6, unseeable_share=0.1, expected_unseeable=0.2
+    )
+
+    class Content(RandomOrder):
+        def is_worth_going_on(self, situation) -> bool:
+            return len(situation.sensed) * 10.0 < situation.miss_cost
+
+        def what_is_left(self, situation) -> WhatIsLeft:
+            return left
+
+    planner = Lookahead(Content(), sphere_arm_setup.positioner)
+    assert planner.weighs_cost
+    assert not Lookahead(RandomOrder(), sphere_arm_setup.positioner).weighs_cost
+    episode = Episode(sphere_arm_setup, planner, seed=7, tumour_map=None, casts_rays=False)
+    assert len(list(episode.steps(9, miss_cost=25.0))) == 3
+    assert planner.what_is_left(episode.situation()) is left
 
 
 def test_the_poses_to_come_are_solved_together(sphere_arm_setup, monkeypatch) -> None:

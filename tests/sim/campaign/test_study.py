@@ -153,6 +153,8 @@ def test_the_command_line_makes_a_study() -> None:
         *(("liver", seed) for seed in range(4)),
     ]
     assert {t.config.mapping.map for t in trials} == {"when-needed"}
+    [stopped] = Options(trials=1, miss_cost=90.0, until_confident=0.9).make_study().trials()
+    assert (stopped.config.miss_cost, stopped.config.until_confident) == (90.0, 0.9)
     over = Options(study="quick", seeds="7:9", planner=("random",)).make_study()
     assert {(t.config.planner, t.config.seed) for t in over.trials()} == {("random", 7), ("random", 8)}
 

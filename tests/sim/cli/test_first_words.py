@@ -51,6 +51,7 @@ def test_help_begins_with_examples_that_are_understood(command, capsys, monkeypa
             ["episode", "--planner", "random", "--until-confident", "0.9"],
             "--until-confident 0.9: the planner random does not tell how sure it is\\. find-and-outline does",
         ),
+        (["episode", "--miss-cost", "-5"], "--miss-cost -5.0: must be above 0\\."),
         (["episode", "--cone-depth-mm", "0"], "--cone-depth-mm 0.0: must be from 5 to 1000 mm\\."),
         (["episode", "--keepout-mm", "200"], "--keepout-mm 200.0: must be from 0 to 100 mm\\."),
         (["reach", "--keepout-mm", "200"], "--keepout-mm 200.0: must be from 0 to 100 mm\\."),

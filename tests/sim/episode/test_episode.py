@@ -199,6 +199,23 @@ def test_without_tumours_it_ends_by_itself_when_the_planner_is_confident(sphere_
     assert episode.confidence() >= 0.4
 
 
+def test_it_ends_by_itself_when_what_is_left_is_not_worth_more_actions(sphere_setup) -> None:
+    setup = replace(sphere_setup, scenario=replace(sphere_setup.scenario, n_tumours=0))
+    lengths = []
+    for miss_cost in (1.0, 5.0):
+        episode = Episode(setup, make_planner("find-and-outline"), seed=0)
+        steps = list(episode.steps(40, miss_cost=miss_cost))
+        assert episode.ended_by == "not_worth"
+        assert episode.situation().miss_cost == miss_cost
+        lengths.append(len(steps))
+    assert 0 < lengths[0] < lengths[1] < 40
+    # A planner that does not weigh it goes on, and one that nobody tells the cost of a miss does too.
+    assert len(list(Episode(setup, make_planner("random"), seed=0).steps(3, miss_cost=1e-6))) == 3
+    assert (
+        len(list(Episode(setup, make_planner("find-and-outline"), seed=0).steps(lengths[1] + 1))) > lengths[1]
+    )
+
+
 def test_planners_say_which_map_they_were_made_for() -> None:
     chosen = {
         name: make_parts(config_of(planner=name)).map_settings.prior_prevalence for name in planner_names()
@@ -210,3 +227,5 @@ def test_planners_say_which_map_they_were_made_for() -> None:
     assert make_parts(config).map_settings.prior_prevalence == 0.5
     with pytest.raises(UsageError, match="until_confident=1"):
         config_of(until_confident=1.0)
+    with pytest.raises(UsageError, match="miss_cost=0.0: must be above 0"):
+        config_of(miss_cost=0.0)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from sim.campaign.study import make_study
+from sim.campaign.trial import run_trial
 from sim.findings.account import MEANING, PAPER, account, read_account
 from sim.running.run_episode import run_episode
 from sim.tables import read_rows
@@ -25,6 +27,7 @@ def findings(*rows: dict, n_false: int = 0) -> dict:
 
 
 OPTIONS = {"planner": "find-and-outline", "sure_radius_mm": 8.0, "until_confident": 0.9, "until_sensed": 0.95}
+OPTIONS |= {"miss_cost": 60.0}
 ENDED = {"planner": "find-and-outline", "n_sensings": 30, "ended_by": "steps", "confidence": 0.42}
 
 
@@ -44,11 +47,53 @@ def test_it_leads_with_the_tumours_found_and_names_each() -> None:
         ("confident", ["because the planner was 42.0% sure", "it was to stop at 90%"]),
         ("sensed", ["95% sensed at which it was to stop"]),
         ("no_pose_left", ["no pose was left"]),
+        (
+            "not_worth",
+            ["nothing was left to outline", "a missed lesion worth 60 actions; the planner was 42.0% sure"],
+        ),
     ],
 )
 def test_it_says_why_the_run_ended(ended_by: str, words: list[str]) -> None:
     told = account(ENDED | {"ended_by": ended_by}, OPTIONS, findings(row(1, is_found=True)))
     assert all(each in told.ended for each in words)
+
+
+def test_it_says_what_is_expected_to_be_left_and_what_nobody_could_see() -> None:
+    left = {
+        "n_lesions_counted": 2,
+        "lesions_left_expected": 0.4321,
+        "unseeable_share": 0.069,
+        "lesions_unseeable_expected": 0.25,
+    }
+    told = account(ENDED | left, OPTIONS, findings(row(1, is_found=True)))
+    assert (
+        "counts 2 lesions that a reading met, and expects 0.43 more that some pose could find" in told.ended
+    )
+    assert "0.25 that no pose could" in told.ended
+    assert "6.9% are out of every pose's sight" in told.ended
+
+
+def test_a_run_and_a_trial_that_stop_by_cost_say_the_same(tmp_path) -> None:
+    options = {
+        "scenario": "sphere",
+        "arm": "none",
+        "motion": "none",
+        "steps": 40,
+        "miss_cost": 2.0,
+    }
+    summary = run_episode(**options, out=tmp_path / "cost", report=False, show_progress=False)
+    assert summary["ended_by"] == "not_worth"
+    assert summary["n_sensings"] < 40
+    [trial] = make_study(planner="find-and-outline", **options).trials()
+    row = run_trial(trial).row
+    told = (
+        "n_sensings",
+        "n_lesions_counted",
+        "lesions_left_expected",
+        "unseeable_share",
+        "lesions_unseeable_expected",
+    )
+    assert {name: row[name] for name in told} == {name: summary[name] for name in told}
 
 
 def test_a_planner_without_confidence_claims_none_and_the_papers_is_explained() -> None:

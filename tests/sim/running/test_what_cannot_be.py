@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mapping import Prediction
-from planner import Planner, RandomOrder
+from planner import FindAndOutline, LesionPrior, Planner, RandomOrder
 from sim.campaign.study import make_study
 from sim.cli.command_line import main
 from sim.episode.scenario import SCENARIOS
@@ -39,6 +39,10 @@ def test_a_number_that_is_none_is_refused_by_the_name_of_its_field(name, value) 
     ("field", "more"),
     [
         ("sure_radius_mm", {"sure_radius_mm": 0.0}),
+        ("lesion_number", {"lesion_number": 0.0}),
+        ("lesion_number_shape", {"lesion_number_shape": -1.0}),
+        ("lesion_diameter_mm", {"lesion_diameter_mm": 4.0}),
+        ("lesion_diameter_spread", {"lesion_diameter_spread": 9.0}),
         ("ei_threshold_deg", {"ei_threshold_deg": 400.0, "planner": "expected-improvement"}),
         ("ei_exclusion_share", {"ei_exclusion_share": -1.0, "planner": "expected-improvement"}),
         ("em_iterations", {"em_iterations": 0}),
@@ -192,6 +196,19 @@ def test_a_confidence_to_stop_at_is_refused_where_the_planner_never_tells_one() 
         with pytest.raises(FieldError, match=f"until_confident=0.9: the planner {name} does not tell"):
             make_parts(config_of(until_confident=0.9), planner=planner)
     assert make_parts(config_of(until_confident=0.9)).until_confident == 0.9
+
+
+def test_the_cost_of_a_miss_is_refused_where_the_planner_does_not_weigh_it() -> None:
+    with pytest.raises(
+        FieldError, match=r"miss_cost=90.0: the planner random does not weigh .* find-and-outline does"
+    ):
+        check_config(config_of(planner="random", miss_cost=90.0))
+    with pytest.raises(FieldError, match="miss_cost=90.0: the planner Weighted does not weigh"):
+        make_parts(config_of(miss_cost=90.0), planner=Weighted())
+    parts = make_parts(config_of(miss_cost=90.0, until_confident=0.9, lesion_diameter_mm=20.0))
+    assert parts.stops == {"until_sensed": None, "until_confident": 0.9, "miss_cost": 90.0}
+    assert isinstance(parts.planner, FindAndOutline)
+    assert parts.planner.lesions == LesionPrior(median_diameter_m=0.020)
 
 
 def test_a_study_whose_planner_tells_no_confidence_is_refused_before_it_runs() -> None:

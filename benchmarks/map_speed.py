@@ -1,20 +1,28 @@
 """Speed and error of the map at the paper's size, against a plain dense form in the same run.
 
     .venv/bin/python -m benchmarks.map_speed [--readings 50] [--threads 1]
+    .venv/bin/python -m benchmarks.map_speed --against DIR [--scenario liver] [--seed 1000] [--rounds 3] [--form full]
 
 Every row takes in the same cones of 1,000 points on 2,890 hinges with 3 EM iterations and answers with
 mean, variance and probability on all 6,292 points. Errors are the largest differences in probability from
 the exact path.
+
+With `--against`, the readings of one episode (find-and-outline, no arm) go to this code and to that of another checkout
+in turn, each in a process of its own. The ratio of two rounds' CPU times holds on a busy machine, the times do not.
 """
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
-from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.spheres import make_map, random_readings
@@ -23,13 +31,42 @@ from mapping import HilbertMap, MapSettings
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "helpers"))
 from dense_reference import CholeskyReference, DenseDiagonal, DenseReference
 
+# Run by either checkout, so it knows nothing but what the map has offered for long.
+REPLAY = """
+import sys
+from pathlib import Path
+from time import process_time
+import numpy as np
+from mapping import HilbertMap, Lattice, MapSettings
+folder, form = Path(sys.argv[1]), sys.argv[2]
+given = dict(np.load(folder / "readings.npz"))
+hinges, query = (Lattice(tuple(given[f"{name}_{n}"] for n in range(3))) for name in ("hinges", "query"))
+belief = HilbertMap(hinges, MapSettings(form=form), query=query, query_mask=given["query_mask"],
+                    hinge_mask=given["hinge_mask"])
+cpu_s, sizes = [], []
+for n in range(sum(name.startswith("points_") for name in given)):
+    start_s = process_time()
+    report = belief.update(given[f"points_{n}"], given[f"labels_{n}"])
+    cpu_s.append(process_time() - start_s)
+    sizes.append((report.rank, report.n_weights_touched))
+np.savez(folder / "answer.npz", cpu_s=cpu_s, sizes=sizes, probability=belief.predict_lattice().probability)
+"""
+
 
 def main() -> None:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--readings", type=int, default=50)
     parser.add_argument("--dense-readings", type=int, default=4)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--against", type=Path)
+    parser.add_argument("--scenario", default="liver")
+    parser.add_argument("--seed", type=int, default=1000)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--form", default="full")
     arguments = parser.parse_args()
+    if arguments.against is not None:
+        compare(arguments)
+        return
     with threadpool_limits(arguments.threads):
         run(arguments.readings, arguments.dense_readings)
 
@@ -50,6 +87,61 @@ def run(n_readings: int, n_dense: int) -> None:
         rows[name], answers[name] = timed_reference(kind, settings["default"], readings[:n_dense], query_m)
     report(rows, answers, n_readings, n_dense)
     report_draws(settings["default"], readings[:30])
+
+
+def compare(arguments: Namespace) -> None:
+    """Print a row a round: CPU ms of an update here and there, and how far apart the last probabilities are."""
+    # Only this comparison needs the simulator.
+    from benchmarks.detailed_map import played
+
+    here = Path(__file__).resolve().parents[1]
+    episode = played(arguments.seed, arguments.scenario, "find-and-outline", arguments.readings)
+    setup = episode.setup
+    arrays = {f"hinges_{n}": axis for n, axis in enumerate(setup.hinges.axes_m)}
+    arrays |= {f"query_{n}": axis for n, axis in enumerate(setup.query.axes_m)}
+    arrays |= {"hinge_mask": setup.hinge_mask, "query_mask": setup.is_inside}
+    for n, reading in enumerate(episode.readings):
+        arrays |= {f"points_{n}": reading.points_m, f"labels_{n}": reading.is_occupied}
+    print("| round | CPU ms there | CPU ms here | times faster | largest difference in probability |")
+    print("|---|---|---|---|---|")
+    with TemporaryDirectory() as folder:
+        np.savez(Path(folder) / "readings.npz", allow_pickle=False, **arrays)
+        sizes = np.ones(2)
+        for number in range(1, arguments.rounds + 1):
+            (there_ms, there, _), (here_ms, now, sizes) = (
+                replayed(root, Path(folder), arguments.form) for root in (arguments.against, here)
+            )
+            ratio, error = there_ms / here_ms, abs(there - now).max()
+            print(f"| {number} | {there_ms:.0f} | {here_ms:.0f} | {ratio:.2f} | {error:.1e} |")
+    report_floor(int(sizes[0]), int(sizes[1]))
+
+
+def report_floor(rank: int, n_touched: int) -> None:
+    """Print what the fall of the covariance alone takes, its lower half, at the rate of this machine's products."""
+    for precision in (np.float64, np.float32):
+        rows = np.ones((n_touched, rank), dtype=precision)
+        times_s = []
+        with threadpool_limits(1):
+            for _ in range(7):
+                start_s = process_time()
+                np.matmul(rows, np.ones((rank, n_touched), dtype=precision))
+                times_s.append(process_time() - start_s)
+        rate = 2e-9 * n_touched**2 * rank / min(times_s)
+        gflop = 1e-9 * n_touched**2 * rank
+        print(
+            f"G G^T of rank {rank} on {n_touched} weights: {gflop:.2f} GFLOP, {1e3 * gflop / rate:.0f} ms at "
+            f"{rate:.0f} GFLOP/s in {precision.__name__}."
+        )
+
+
+def replayed(root: Path, folder: Path, form: str) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """The median CPU time [ms] of an update by the code of a checkout, the last probabilities, rank and weights."""
+    environment = {**os.environ, "PYTHONPATH": str(root.resolve()), "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-P", "-c", REPLAY, str(folder), form]
+    subprocess.run(command, env=environment, cwd=folder, check=True)
+    with np.load(folder / "answer.npz") as answer:
+        sizes = np.median(answer["sizes"][10:], axis=0)
+        return 1e3 * float(np.median(answer["cpu_s"][10:])), answer["probability"], sizes
 
 
 def timed_map(belief: HilbertMap, readings):

@@ -100,10 +100,12 @@ class HingeFeatures:
         )
         return (x, y, z)
 
-    def over_box(self, weights: NDArray[np.intp], rows: NDArray[np.float64], box: Box) -> NDArray[np.float64]:
+    def over_box(
+        self, weights: NDArray[np.intp], rows: NDArray[np.floating], box: Box
+    ) -> NDArray[np.floating]:
         """Rows (k, R) of some weights (k,) laid out over a box that holds these, zero elsewhere."""
         hinges = np.flatnonzero(self.weight_of_hinge >= 0)[weights]
-        tensor = np.zeros((*(part.stop - part.start for part in box), rows.shape[1]))
+        tensor = np.zeros((*(part.stop - part.start for part in box), rows.shape[1]), dtype=rows.dtype)
         indices = np.unravel_index(hinges, self.hinges.shape)
         tensor[tuple(index - part.start for index, part in zip(indices, box, strict=True))] = rows
         return tensor

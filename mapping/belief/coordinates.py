@@ -29,20 +29,25 @@ class ReadingCoordinates:
     """R^-1, shape (r, r)."""
     directions: NDArray[np.float64]
     """C, shape (r, h)."""
+    others: NDArray[np.intp]
+    """Weights that may covary with those, ascending, shape (m,)."""
+    products: NDArray[np.floating]
+    """C Sigma for these, shape (r, m)."""
 
     def to_reading(self, deviations: NDArray[np.float64]) -> NDArray[np.float64]:
         """The coordinates z = R^-1 C d of deviations d of all weights from their mean, shape (M, S)."""
         return self.inverse_root @ (self.directions @ deviations[self.near])
 
-    def rows(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The rows W with Y values = (W Sigma)^T, shape (s, h), for values over z of shape (r, s)."""
-        return (values.T @ self.inverse_root) @ self.directions
+    def rows(self, values: NDArray[np.float64]) -> NDArray[np.floating]:
+        """(Y values)^T at the weights `others`, shape (s, m), for values over z of shape (r, s)."""
+        return (values.T @ self.inverse_root).astype(self.products.dtype) @ self.products
 
 
 def reading_coordinates(
     reduction: Reduction,
     prior_mean: NDArray[np.float64],
-    covariance: NDArray[np.float64],
+    others: NDArray[np.intp],
+    products: NDArray[np.floating],
     *,
     tolerance: float,
 ) -> ReadingCoordinates:
@@ -51,9 +56,15 @@ def reading_coordinates(
     Args:
         reduction: Its reduced features.
         prior_mean: The latent's mean at its points before the reading, shape (n,).
-        covariance: C Sigma C^T, shape (r, r).
+        others: Weights that may covary with those that its features touch, ascending; these are among them.
+        products: C Sigma at the others, from which both C Sigma C^T and all that goes back to the weights follow.
         tolerance: Variance at a pivot, given the others, below which the pivot is left out; 0 keeps all.
     """
+    # `pstrf` and `potrf` read the lower triangle, so that rounding above it does not matter.
+    covariance = products[:, np.searchsorted(others, reduction.hinges)] @ reduction.directions.T.astype(
+        products.dtype
+    )
+    covariance = covariance.astype(np.float64)
     if tolerance > 0:
         root, pivots = pivoted_cholesky(covariance, tolerance)
     else:
@@ -65,4 +76,6 @@ def reading_coordinates(
         near=reduction.hinges,
         inverse_root=solve_triangular(root[pivots], identity, lower=True, check_finite=False),
         directions=reduction.directions[pivots],
+        others=others,
+        products=products[pivots],
     )

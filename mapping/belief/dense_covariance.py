@@ -15,6 +15,10 @@ from .kept_covariance import KeptCovariance
 
 # Hinges beyond a reading's own, along x, that may covary with them: the correlation halves with each.
 _MARGIN = 6
+# Directions whose products with the matrix are formed together.
+_DIRECTIONS = 64
+# Rows of the matrix that fall together.
+_PANEL = 128
 
 
 class DenseCovariance(KeptCovariance):
@@ -27,6 +31,7 @@ class DenseCovariance(KeptCovariance):
         carried: CarriedVariance | None = None,
         *,
         is_exact: bool,
+        precision: type[np.floating] = np.float64,
     ) -> None:
         """Starts with independent weights of one variance.
 
@@ -35,10 +40,12 @@ class DenseCovariance(KeptCovariance):
             weight_variance: Variance of each weight before any reading.
             carried: A variance that is to fall along with the covariance; None for none.
             is_exact: Whether any two weights may covary, or only those whose hinges are near one another.
+            precision: Type in which it is kept.
         """
         super().__init__(features, carried)
         self._is_exact = is_exact
-        self.matrix = np.zeros((features.n_weights, features.n_weights))
+        self._precision = precision
+        self.matrix = np.zeros((features.n_weights, features.n_weights), dtype=self._precision)
         np.fill_diagonal(self.matrix, weight_variance)
         n_in_plane = features.hinges.n_points // features.hinges.shape[0]
         self._plane_of_weight = np.flatnonzero(features.weight_of_hinge >= 0) // n_in_plane
@@ -49,37 +56,37 @@ class DenseCovariance(KeptCovariance):
 
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.intp], NDArray[np.floating]]:
         """See `KeptCovariance.cross`."""
         first, last = self._slab(weights)
-        return np.arange(first, last), C @ self.matrix[weights, first:last]
+        products = np.empty((len(C), last - first), dtype=self._precision)
+        # Directions are local: those that lie together share the weights that they have anything in.
+        order = np.argsort(np.abs(C).argmax(axis=1), kind="stable")
+        for some in np.array_split(order, max(1, len(order) // _DIRECTIONS)):
+            rows = C[some]
+            within = np.flatnonzero(rows.any(axis=0))
+            products[some] = (
+                rows[:, within].astype(self._precision) @ self.matrix[weights[within], first:last]
+            )
+        return np.arange(first, last), products
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.floating], *, sign: float = 1.0) -> None:
         """See `KeptCovariance.lower`."""
-        runs = self._runs(weights, G)
-        # One pair of planes at a time stays in the cache.
-        for number, (here, rows) in enumerate(runs):
-            signed = sign * rows
-            for there, others in runs[number:]:
-                block = self.matrix[here, there]
-                block -= signed @ others.T
-                if there != here:
-                    self.matrix[there, here] = block.T
+        first, last = int(weights[0]), int(weights[-1]) + 1
+        # Rows of zeros for the weights between cost less than picking entries out of the matrix.
+        rows = np.zeros((last - first, G.shape[1]), dtype=self._precision)
+        rows[weights - first] = G
+        part = self.matrix[first:last, first:last]
+        # A panel of rows at a time stays in the cache; what lies above the diagonal is copied, not computed.
+        for start in range(0, len(rows), _PANEL):
+            here = slice(start, min(start + _PANEL, len(rows)))
+            panel = part[here, : here.stop]
+            panel -= (rows[here] if sign > 0 else -rows[here]) @ rows[: here.stop].T
+            corner = panel[:, start:]
+            corner[:] = np.tril(corner) + np.tril(corner, -1).T
+            part[:start, here] = panel[:, :start].T
         if self._carried is not None:
             self._carried.lower(weights, G, sign=sign)
-
-    def _runs(
-        self, weights: NDArray[np.intp], G: NDArray[np.float64]
-    ) -> list[tuple[slice, NDArray[np.float64]]]:
-        """G plane by plane of hinges: a range of weights and its rows, zero for weights to which none belongs."""
-        starts = np.flatnonzero(np.diff(self._plane_of_weight[weights], prepend=-1))
-        runs = []
-        for some, rows in zip(np.split(weights, starts[1:]), np.split(G, starts[1:]), strict=True):
-            first, last = int(some[0]), int(some[-1]) + 1
-            filled = np.zeros((last - first, G.shape[1]))
-            filled[some - first] = rows
-            runs.append((slice(first, last), filled))
-        return runs
 
     def _slab(self, weights: NDArray[np.intp]) -> tuple[int, int]:
         """The range of the weights, which run along x slowest, that may covary with some weights."""
@@ -91,21 +98,12 @@ class DenseCovariance(KeptCovariance):
 
     def draw(self, n_samples: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Draws about zero with this covariance, shape (M, n_samples)."""
-        factor = cholesky(self.matrix, lower=True, check_finite=False)
+        factor = cholesky(self.matrix.astype(np.float64), lower=True, check_finite=False)
         return factor @ rng.standard_normal((len(self.matrix), n_samples))
 
     def state(self) -> dict[str, NDArray]:
-        """The lower triangle row by row, what differs from it above the diagonal, and the variance that is carried.
-
-        Products of a plane of hinges with itself round differently above and below the diagonal, and a map that goes
-        on from a file is to give the same bytes.
-        """
-        differs = np.flatnonzero(np.triu(self.matrix != self.matrix.T))
-        state = {
-            "covariance": self.matrix[np.tril_indices(len(self.matrix))],
-            "rounded_at": differs,
-            "rounded": self.matrix.ravel()[differs],
-        }
+        """The lower triangle row by row, and the variance that is carried; what lies above the diagonal equals it."""
+        state = {"covariance": self.matrix[np.tril_indices(len(self.matrix))]}
         return state if self._carried is None else {"carried_variance": self._carried.values, **state}
 
     def restore(self, state: Mapping[str, NDArray]) -> None:
@@ -120,17 +118,8 @@ class DenseCovariance(KeptCovariance):
         matrix = np.zeros_like(self.matrix)
         matrix[np.tril_indices(n_weights)] = triangle
         matrix += np.tril(matrix, -1).T
-        differs = np.asarray(state["rounded_at"])
-        rounded = checked_array(state, "rounded", differs.shape)
-        if (
-            differs.ndim != 1
-            or differs.dtype.kind != "i"
-            or not np.all((differs >= 0) & (differs < matrix.size))
-        ):
-            raise ValueError("its array 'rounded_at' does not hold places of the covariance")
-        matrix.ravel()[differs] = rounded
         try:
-            cholesky(matrix, lower=True, check_finite=False)
+            cholesky(matrix.astype(np.float64), lower=True, check_finite=False)
         except np.linalg.LinAlgError:
             raise ValueError("its covariance is not positive definite") from None
         if self._carried is not None:

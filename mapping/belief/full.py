@@ -37,7 +37,7 @@ from .variational import fit_reading, refit_reading
 # began to add to the error in probability after 50 readings (docs/map.md shows the table).
 _PIVOT_TOLERANCE = 1.0
 """Share of |phi|^2 of a point's features that does not follow from the pivots."""
-_ROOT_TOLERANCE = 1.0
+_ROOT_TOLERANCE = 10.0
 """Variance of the latent at a pivot that does not follow from the others."""
 _ROW_TOLERANCE = 0.03
 """Fall of a weight's variance."""
@@ -49,6 +49,8 @@ _QUERY_CUTOFF = 0.01
 """Terms of the variance at a query point."""
 _MARGIN_CUTOFF = 1e4
 """Features beyond the touched weights, whose own fall is as small as `_ROW_TOLERANCE`."""
+_SINGLE_FROM = 1e-6
+"""Tolerance from which single precision is enough: alone it moves probabilities by some 1e-4."""
 
 
 class FullBelief(Belief):
@@ -88,11 +90,24 @@ class FullBelief(Belief):
         variance, carried = settings.weight_variance, None
         if query is not None:
             cutoff = min(_MARGIN_CUTOFF * settings.tolerance, 1.0)
-            carried = CarriedVariance(features, query.lattice, variance, query_mask=query.mask, cutoff=cutoff)
+            carried = CarriedVariance(
+                features,
+                query.lattice,
+                variance,
+                query_mask=query.mask,
+                cutoff=cutoff,
+                precision=_precision(settings),
+            )
         if settings.form == "local":
             return cls(features, settings, TiledCovariance(features, variance, carried))
-        is_exact = settings.tolerance == 0
-        return cls(features, settings, DenseCovariance(features, variance, carried, is_exact=is_exact))
+        kept = DenseCovariance(
+            features,
+            variance,
+            carried,
+            is_exact=settings.tolerance == 0,
+            precision=_precision(settings),
+        )
+        return cls(features, settings, kept)
 
     def learn(
         self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
@@ -103,7 +118,13 @@ class FullBelief(Belief):
         if not reduction.hinges.size:
             return LearningReport(0, 0, bound_curvature(offset))
         coordinates = self._coordinates(reduction, offset)
-        reading = fit_reading(coordinates.mean, coordinates.basis, log_odds, self._settings.n_em_iterations)
+        reading = fit_reading(
+            coordinates.mean,
+            coordinates.basis,
+            log_odds,
+            self._settings.n_em_iterations,
+            search_precision=_precision(self._settings),
+        )
         moves = None if self._samples is None else self._samples.learn(coordinates, reading)
         Z = self._shrinkage_root(reading.cholesky)
         n_touched = self._write_back(coordinates, reading.mean, fall=Z, rise=Z[:, :0], moves=moves)
@@ -170,9 +191,9 @@ class FullBelief(Belief):
 
     def _coordinates(self, reduction: Reduction, offset: NDArray[np.float64]) -> ReadingCoordinates:
         prior_mean = offset + reduction.at_points(reduction.directions @ self.mean[reduction.hinges])
-        covariance = self.covariance.inner(reduction.directions, reduction.hinges)
+        others, products = self.covariance.cross(reduction.directions, reduction.hinges)
         tolerance = _ROOT_TOLERANCE * self._settings.tolerance
-        return reading_coordinates(reduction, prior_mean, covariance, tolerance=tolerance)
+        return reading_coordinates(reduction, prior_mean, others, products, tolerance=tolerance)
 
     def _write_back(
         self,
@@ -197,7 +218,7 @@ class FullBelief(Belief):
         """
         parts = [mean[:, None], fall, rise, *([] if moves is None else [moves])]
         ends = np.cumsum([part.shape[1] for part in parts])
-        weights, rows = self.covariance.cross(coordinates.rows(np.hstack(parts)), coordinates.near)
+        weights, rows = coordinates.others, coordinates.rows(np.hstack(parts))
         self.mean[weights] += rows[0]
         if self._samples is not None:
             self._samples.deviations[weights] += rows[ends[2] :].T
@@ -207,7 +228,7 @@ class FullBelief(Belief):
         ]
         return max(touched)
 
-    def _lower(self, weights: NDArray[np.intp], rows: NDArray[np.float64], *, sign: float) -> int:
+    def _lower(self, weights: NDArray[np.intp], rows: NDArray[np.floating], *, sign: float) -> int:
         """Takes sign G G^T off the covariance, for G^T = rows, and returns the number of weights that it touches."""
         falls = np.einsum("sk,sk->k", rows, rows)
         touched = np.flatnonzero(falls > _ROW_TOLERANCE * self._settings.tolerance)
@@ -224,3 +245,8 @@ class FullBelief(Belief):
         identity = np.eye(len(factor))
         shrinkage = identity - cho_solve((factor, True), identity, check_finite=False)
         return pivoted_cholesky(shrinkage, self._smallest_share())[0]
+
+
+def _precision(settings: MapSettings) -> type[np.floating]:
+    """The type in which the covariance of the full form is kept, and what a reading takes off is summed."""
+    return np.float32 if settings.tolerance >= _SINGLE_FROM else np.float64

@@ -27,7 +27,7 @@ class KeptCovariance(ABC):
     @abstractmethod
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.intp], NDArray[np.floating]]:
         """The weights that may covary with some weights, and C Sigma for these.
 
         Args:
@@ -39,7 +39,7 @@ class KeptCovariance(ABC):
         """
 
     @abstractmethod
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.floating], *, sign: float = 1.0) -> None:
         """Takes sign G G^T off the covariance of some weights, as far as it is kept.
 
         Args:
@@ -47,10 +47,6 @@ class KeptCovariance(ABC):
             G: Their rows, shape (k, s).
             sign: 1 where the covariance falls, -1 where it rises.
         """
-
-    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
-        """C Sigma C^T among some weights (k,), ascending, shape (r, r), for C of shape (r, k)."""
-        return self.among(C, weights) @ C.T
 
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """The variance of the latent on the lattice that it is carried on, shape (query.n_points,).

@@ -92,12 +92,14 @@ def reduce_by_pivots(
         factors: Factors of the features of n points over a box of hinges.
         is_active: Which hinges of the box exist, in C order.
         tolerance: As in `choose_pivots`.
-        cutoff: Columns of C whose entries all are smaller than this are left out.
+        cutoff: Entries of C that are smaller than this are taken as zero, and columns without others are left out.
     """
     factor, pivots = choose_pivots(factors, tolerance)
     Phi = outer_features(_rows(factors, pivots))
     hinges = np.flatnonzero(is_active & (Phi.max(axis=0, initial=0) > cutoff))
-    return Reduction(factor, factor[pivots], Phi[:, hinges], hinges)
+    directions = Phi[:, hinges]
+    directions[directions <= cutoff] = 0
+    return Reduction(factor, factor[pivots], directions, hinges)
 
 
 def reduce_exactly(factors: AxisFeatures, is_active: NDArray[np.bool_]) -> Reduction:

@@ -64,26 +64,14 @@ class TiledCovariance(KeptCovariance):
         """See `KeptCovariance.among`."""
         return self._product(C, weights, weights)
 
-    def inner(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
-        """See `KeptCovariance.inner`; each pair of slabs enters once."""
-        half = np.zeros_like(C)
-        for here, there in self._slabs(weights, weights):
-            onward = slice(here.start, there.stop)
-            block = self._between(weights[here], weights[onward])
-            block[:, : here.stop - here.start] *= 0.5
-            rows = np.flatnonzero(C[:, here].any(axis=1))
-            half[rows, onward] += C[rows, here] @ block
-        product = half @ C.T
-        return product + product.T
-
     def cross(
         self, C: NDArray[np.float64], weights: NDArray[np.intp]
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    ) -> tuple[NDArray[np.intp], NDArray[np.floating]]:
         """See `KeptCovariance.cross`."""
         others = self._may_covary(weights)
         return others, self._product(C, weights, others)
 
-    def lower(self, weights: NDArray[np.intp], G: NDArray[np.float64], *, sign: float = 1.0) -> None:
+    def lower(self, weights: NDArray[np.intp], G: NDArray[np.floating], *, sign: float = 1.0) -> None:
         """See `KeptCovariance.lower`."""
         for here, there in self._slabs(weights, weights):
             self._subtract(weights[here], weights[here], sign * (G[here] @ G[here].T))

@@ -149,6 +149,8 @@ def fit_reading(
     basis: NDArray[np.float64],
     log_odds: NDArray[np.float64],
     n_iterations: int,
+    *,
+    search_precision: type[np.floating] = np.float64,
 ) -> ReadingPosterior:
     """The posterior of z given the labels of a reading: `n_iterations` rounds of the module's three lines.
 
@@ -160,30 +162,34 @@ def fit_reading(
         basis: B, shape (n, r).
         log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
         n_iterations: Number of rounds, at least 1.
+        search_precision: The precision of the rounds before the last, from which nothing but xi is kept; the last is
+            always in double.
     """
     # With nothing but a low prior to go by, every hit would be called an error.
     labels = expected_label(0.0, log_odds)
     xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
-    posterior = posterior_given_xi(xi_squared, prior_mean, basis, labels)
-    (invert_triangle,) = get_lapack_funcs(("trtri",), (basis,))
-    (multiply_triangle,) = get_blas_funcs(("trmm",), (basis,))
-    for _ in range(n_iterations - 1):
+    short = basis.astype(search_precision, copy=False)
+    posterior = posterior_given_xi(xi_squared, prior_mean, basis if n_iterations == 1 else short, labels)
+    (invert_triangle,) = get_lapack_funcs(("trtri",), (short,))
+    (multiply_triangle,) = get_blas_funcs(("trmm",), (short,))
+    for rounds_left in range(n_iterations - 1, 0, -1):
         inverse = posterior.cholesky
         # LAPACK prints a complaint about an empty matrix.
         if basis.shape[1]:
             inverse, _ = invert_triangle(inverse, lower=True)
-        spread = multiply_triangle(1.0, inverse, basis.T, lower=True)
-        mean = prior_mean + basis @ posterior.mean
+        spread = multiply_triangle(1.0, inverse, short.T, lower=True)
+        mean = prior_mean + short @ posterior.mean
         # xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2
         xi_squared = np.einsum("rn,rn->n", spread, spread) + mean**2
-        posterior = posterior_given_xi(xi_squared, prior_mean, basis, expected_label(mean, log_odds))
+        now = basis if rounds_left == 1 else short
+        posterior = posterior_given_xi(xi_squared, prior_mean, now, expected_label(mean, log_odds))
     return posterior
 
 
 def posterior_given_xi(
     xi_squared: NDArray[np.float64],
     prior_mean: NDArray[np.float64],
-    basis: NDArray[np.float64],
+    basis: NDArray[np.floating],
     labels: NDArray[np.float64],
 ) -> ReadingPosterior:
     """The posterior N(z', D^-1) under the bound at a given xi, from the prior N(0, I) of z.
@@ -197,9 +203,11 @@ def posterior_given_xi(
         labels: y, or its expectation, shape (n,).
     """
     curvature = bound_curvature(np.sqrt(xi_squared))
-    scaled = np.sqrt(2 * curvature)[:, None] * basis
+    scaled = np.sqrt(2 * curvature).astype(basis.dtype)[:, None] * basis
     precision = scaled.T @ scaled
     precision[np.diag_indices_from(precision)] += 1
     factor = cholesky(precision, lower=True, check_finite=False)
-    mean = cho_solve((factor, True), basis.T @ (labels - 0.5 - 2 * curvature * prior_mean))
+    mean = cho_solve(
+        (factor, True), basis.T @ (labels - 0.5 - 2 * curvature * prior_mean).astype(basis.dtype)
+    )
     return ReadingPosterior(mean, factor, scaled, curvature, labels)

@@ -95,13 +95,14 @@ def test_at_the_points_of_the_lattice_both_answers_agree_save_where_tumour_was_s
     for reading in readings(3):
         detailed.update(*reading)
     on_lattice, anywhere = detailed.predict_lattice(), detailed.predict(detailed.query_points_m())
-    differs = np.abs(on_lattice.score - anywhere.score) > 1e-6
+    # Single precision leaves 1e-5; a finding moves a score by far more.
+    differs = np.abs(on_lattice.score - anywhere.score) > 1e-4
     tumour_m = np.concatenate([points_m[labels] for points_m, labels in readings(3)])
     gaps_m = np.linalg.norm(detailed.query_points_m()[:, None] - tumour_m, axis=2).min(axis=1)
     # The farthest that a label can be from the point that is nearest to it is half a diagonal of 6 mm cells.
     assert not differs[gaps_m > 0.0052].any()
     assert np.all(on_lattice.score[differs] > anywhere.score[differs])
-    np.testing.assert_allclose(on_lattice.latent_variance, anywhere.latent_variance, rtol=1e-5, atol=1e-8)
+    np.testing.assert_allclose(on_lattice.latent_variance, anywhere.latent_variance, rtol=1e-4, atol=1e-8)
 
 
 def test_readings_asked_about_one_by_one_and_all_at_the_end_give_the_same_bytes():

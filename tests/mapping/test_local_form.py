@@ -73,9 +73,7 @@ def test_tiled_products_are_those_of_the_matrix_within_range(features):
     columns, cross = tiled.cross(C, asked)
     # Rounding of sums of some hundred products of order one.
     np.testing.assert_allclose(cross, (C @ matrix[asked])[:, columns], atol=1e-10)
-    inner = tiled.inner(C, asked)
-    np.testing.assert_allclose(inner, C @ matrix[np.ix_(asked, asked)] @ C.T, atol=1e-10)
-    np.testing.assert_array_equal(inner, inner.T)
+    np.testing.assert_allclose(tiled.among(C, asked), C @ matrix[np.ix_(asked, asked)], atol=1e-10)
 
 
 @pytest.mark.parametrize("is_masked", [False, True])
@@ -115,4 +113,5 @@ def test_a_mask_changes_which_points_are_answered_and_nothing_else(form):
     learn(whole, masked)
     expected, answer = whole.predict_lattice(), masked.predict_lattice()
     np.testing.assert_array_equal(answer.latent_mean, expected.latent_mean[mask])
-    np.testing.assert_allclose(answer.latent_variance, expected.latent_variance[mask], rtol=1e-9, atol=1e-12)
+    # Single precision, whose products of other shapes round differently.
+    np.testing.assert_allclose(answer.latent_variance, expected.latent_variance[mask], rtol=1e-5)

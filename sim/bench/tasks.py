@@ -15,8 +15,8 @@ from sim.campaign.study import parse_seeds
 from sim.errors import UsageError
 from sim.suggestions import did_you_mean
 
-TASKS_DIR = Path(__file__).parent / "tasks"
-SCENARIOS_DIR = Path(__file__).parent / "scenarios"
+FROZEN_DIR = Path(__file__).parent / "frozen"
+TASKS_DIR, SCENARIOS_DIR = FROZEN_DIR / "tasks", FROZEN_DIR / "scenarios"
 SENSINGS = "sensings_to_95"
 SCORES = {
     SENSINGS: "sensing actions until 95 % of the tumours was sensed",
@@ -50,7 +50,7 @@ class Task:
     truth: str
     """Digest of the truth planted for the first public seed."""
     digest: str
-    """SHA-256 of what the task's two files say."""
+    """SHA-256 of what the task's two files say, but for its title and its place in the table."""
 
     @property
     def steps(self) -> int:
@@ -109,7 +109,8 @@ def load_task(path: Path) -> Task:
     """
     table = tomllib.loads(path.read_text(encoding="utf-8"))
     scenario = path.parent.parent / "scenarios" / f"{table['scenario']}.toml"
-    said = {"task": table, "scenario": tomllib.loads(scenario.read_text(encoding="utf-8"))}
+    meant = {name: value for name, value in table.items() if name not in ("title", "order")}
+    said = {"task": meant, "scenario": tomllib.loads(scenario.read_text(encoding="utf-8"))}
     return Task(
         **{
             name: table[name] for name in ("name", "title", "order", "n_quick", "score", "direction", "truth")

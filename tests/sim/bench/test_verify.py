@@ -70,7 +70,7 @@ def test_a_pose_that_does_not_exist_is_found(tampered, toys) -> None:
 
 def test_poses_of_another_planner_are_found_by_running_it_again(tampered, toys, submission, tmp_path) -> None:
     other = tmp_path / "other"
-    run_bench("greedy-coverage", toys, other, BenchSettings(quick=True))
+    run_bench("multi-resolution", toys, other, BenchSettings(quick=True))
     content = json.loads((other / "submission" / "submission.json").read_text())
     mine = json.loads((submission / "submission" / "submission.json").read_text())
     path = tampered(lambda changed: changed.update(tasks=content["tasks"]))

@@ -37,6 +37,7 @@ ROOMS = (
     "sim.campaign",
     "sim.bound",
     "sim.comparison",
+    "sim.bench",
     "sim.doctor",
     "sim.cli",
 )

@@ -92,7 +92,8 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
         # These poses were solved while the planner ranked.
         timings |= {"plan_s": timings["plan_s"] - ahead.prepare_s, "ik_s": timings["ik_s"] + ahead.prepare_s}
     notices = tuple(dict.fromkeys((*setup.notices, *episode.notices)))
-    return TrialResult(row, timings, _curves(episode, totals), findings, notices=notices)
+    poses = tuple(map(int, episode.sensed))
+    return TrialResult(row, timings, _curves(episode, totals), findings, poses, notices=notices)
 
 
 def _findings(evidence: Evidence) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -28,6 +28,8 @@ class TrialResult:
     """
     findings: dict[str, Any] = field(default_factory=dict)
     """What became of each lesion, as `trial_findings` makes it; empty where the trial failed."""
+    poses: tuple[int, ...] = ()
+    """The poses that were sensed, in order."""
     traceback: str | None = None
     """Where the error of a failed trial was raised; None for a finished one."""
 
@@ -39,6 +41,7 @@ class TrialResult:
         more = {"traceback": self.traceback} if self.traceback else {}
         more |= {"notices": list(self.notices)} if self.notices else {}
         more |= {"findings": self.findings} if self.findings else {}
+        more |= {"poses": list(self.poses)} if self.poses else {}
         parts = {"row": self.row, "timings": self.timings, "curves": self.curves}
         return {"settings": trial.settings} | parts | more
 

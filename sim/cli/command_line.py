@@ -22,6 +22,7 @@ COMMANDS = {
     "episode": "episode",
     "trials": "trials",
     "bound": "studies.bound",
+    "bench": "studies.bench",
     "compare": "compare",
     "reach": "reach",
     "ik": "ik",

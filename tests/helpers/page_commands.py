@@ -31,6 +31,8 @@ SHORTER = (
 SKIPPED = (
     (r"\bpip ", "downloads packages: needs the network"),
     (r"\bdask (scheduler|worker)|--address", "needs a cluster"),
+    (r"\bbench --(planner|verify)", "takes minutes, and a planner's file of the page"),
+    (r"-m benchmarks\.leaderboard", "writes a page of the clone"),
     (r"\bview (?!.*--rerun)", "opens a window: needs a display"),
 )
 """Commands that are not run: pattern, reason."""

@@ -144,7 +144,7 @@ def _hidden_balls(
     workspace: Workspace, cone: Cone, points: KeyedArray, distance: KeyedArray | None, prior: BallPrior
 ) -> HiddenBalls:
     centres_m, radii_m = _draw(points.array, None if distance is None else distance.array, prior)
-    finds = _finds(workspace, cone, centres_m, radii_m * (1.0 - prior.overlap_share))
+    finds = poses_that_find(workspace, cone, centres_m, radii_m * (1.0 - prior.overlap_share))
     is_findable = np.asarray(finds.sum(axis=0)).ravel() > 0
     centres_m, radii_m = centres_m[is_findable], radii_m[is_findable]
     weights = radii_m**prior.radius_power
@@ -161,7 +161,7 @@ def _draw(
 
     tree = KDTree(points_m)
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
-    spacing_m = _spacing_m(tree)
+    spacing_m = point_spacing_m(tree)
     sequence = qmc.Halton(4, rng=np.random.default_rng(0))
     low, high = np.log(prior.radius_range_m)
     centres, radii, n_kept = [], [], 0
@@ -181,7 +181,7 @@ def _draw(
     return np.concatenate(centres)[: prior.n_balls], np.concatenate(radii)[: prior.n_balls]
 
 
-def _spacing_m(tree: KDTree) -> float:
+def point_spacing_m(tree: KDTree) -> float:
     """The median distance between neighbouring search points [m]."""
     if tree.n < 2:
         return 0.0
@@ -189,10 +189,17 @@ def _spacing_m(tree: KDTree) -> float:
     return float(np.median(tree.query(some, k=2)[0][:, 1]))
 
 
-def _finds(
+def poses_that_find(
     workspace: Workspace, cone: Cone, centres_m: NDArray[np.float64], reach_m: NDArray[np.float64]
 ) -> sparse.csr_matrix:
-    """1 where a pose's cone comes nearer to a centre than its reach, shape (N, B)."""
+    """1 where a pose's cone comes nearer to a ball's centre than its reach, shape (N, B).
+
+    Args:
+        workspace: The N poses.
+        cone: What one of them sees.
+        centres_m: Centres of the balls [m, world], shape (B, 3).
+        reach_m: How near a cone has to come to each [m], shape (B,).
+    """
     rows = []
     for start in range(0, len(centres_m), _BALLS_AT_ONCE):
         block = slice(start, start + _BALLS_AT_ONCE)

@@ -7,11 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.spatial import KDTree
 
 from ..cone import Cone
-from ..find_and_outline.hidden_balls import HiddenBalls, distance_to_cones
+from ..find_and_outline.hidden_balls import HiddenBalls, distance_to_cones, point_spacing_m, poses_that_find
 from ..keyed_array import KeyedArray
 from ..situation import Situation
 from ..workspace import Workspace
@@ -23,8 +22,6 @@ _N_PLACES, _SHRINKING, _N_SIZES = 20, 5.0 / 6.0, 20
 """A lesion that fits at none of so many places is made smaller by a sixth, as planted ones are, so many times."""
 _DEPTH_SHARE = 0.5
 """A pose can find a lesion where its cone reaches this share of the radius or more into it."""
-_LESIONS_AT_ONCE = 128
-"""Lesions per block of the table of distances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +85,7 @@ def _hidden_lesions(
 ) -> HiddenLesions:
     radii_m = np.random.default_rng(0).permutation(prior.diameters_m(N_LESIONS) / 2.0)
     centres_m, radii_m = _placed(points.array, None if distance is None else distance.array, radii_m)
-    rows = []
-    for start in range(0, len(radii_m), _LESIONS_AT_ONCE):
-        block = slice(start, start + _LESIONS_AT_ONCE)
-        gap_m = distance_to_cones(workspace, cone, centres_m[block])
-        rows.append(sparse.csr_matrix(gap_m <= (1.0 - _DEPTH_SHARE) * radii_m[block, None]))
-    finds = sparse.vstack(rows).T.tocsr().astype(np.float32)
+    finds = poses_that_find(workspace, cone, centres_m, (1.0 - _DEPTH_SHARE) * radii_m)
     weights = np.full(len(radii_m), 1.0 / len(radii_m), dtype=np.float32)
     return HiddenLesions(HiddenBalls(centres_m, radii_m, weights, finds))
 
@@ -107,7 +99,7 @@ def _placed(
 
     tree = KDTree(points_m)
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
-    spacing_m = np.median(tree.query(points_m[:: max(1, len(points_m) // 200)], k=2)[0][:, 1])
+    spacing_m = point_spacing_m(tree)
     sequence = qmc.Halton(3, rng=np.random.default_rng(0))
     centres_m, radii_m, left = np.empty((len(radii_m), 3)), radii_m.copy(), np.arange(len(radii_m))
     for number in range(1, _N_PLACES * _N_SIZES + 1):

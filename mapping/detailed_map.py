@@ -45,6 +45,10 @@ _ENOUGH_CALLED = 2
 """This many neighbours that are called stand for what was sensed: with two points a lesion counts as found."""
 
 
+_TOLD = {"log_odds": np.nan, "weight": 1.0}
+"""What readings may tell of each label, with what stands for nothing told."""
+
+
 class DetailedMap:
     """Belief over where an organ is occupied by tumour, in detail where tumour was sensed; `update` changes it."""
 
@@ -70,11 +74,20 @@ class DetailedMap:
         """Number of hinges of the coarse map."""
         return self.coarse.n_weights
 
-    def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> UpdateReport:
+    def update(
+        self,
+        points_m: ArrayLike,
+        is_occupied: ArrayLike,
+        *,
+        log_odds: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+    ) -> UpdateReport:
         """Takes in a reading as `HilbertMap.update` does; the report is the coarse map's."""
-        report = self.coarse.update(points_m, is_occupied)
+        report = self.coarse.update(points_m, is_occupied, log_odds=log_odds, weight=weight)
         # Copies, since the caller may use the arrays again.
-        self._learn(LabelledPoints(check_points(points_m).copy(), np.array(is_occupied, dtype=bool)))
+        said, counted = (None if each is None else np.array(each, float) for each in (log_odds, weight))
+        labels = np.array(is_occupied, dtype=bool)
+        self._learn(LabelledPoints(check_points(points_m).copy(), labels, said, counted))
         return report
 
     def revise(self, n_sweeps: int = 1) -> float:
@@ -138,11 +151,19 @@ class DetailedMap:
 
     def state(self) -> dict[str, NDArray]:
         """The arrays that make up the map, as a file holds them; carried samples are not among them."""
+        told = {
+            f"reading_{name}": np.concatenate(
+                [np.empty(0), *(_each(reading, name) for reading in self._readings)]
+            )
+            for name in _TOLD
+            if any(getattr(reading, name) is not None for reading in self._readings)
+        }
         return {
             "detail_settings": np.array(json.dumps(asdict(self._settings))),
             "reading_counts": np.array([len(r.points_m) for r in self._readings], dtype=np.int64),
             "reading_points_m": np.concatenate([np.empty((0, 3)), *(r.points_m for r in self._readings)]),
             "reading_labels": np.concatenate([np.empty(0, bool), *(r.is_occupied for r in self._readings)]),
+            **told,
             **put_under("coarse", self.coarse.state()),
         }
 
@@ -230,7 +251,18 @@ def _readings_from(state: Mapping[str, NDArray]) -> list[LabelledPoints]:
     points_m = checked_array(state, "reading_points_m", (len(labels), 3))
     if labels.dtype != bool:
         raise ValueError(f"its array 'reading_labels' holds {labels.dtype} in place of bool")
+    told = {
+        name: checked_array(state, f"reading_{name}", (len(labels),), is_finite=False)
+        for name in _TOLD
+        if f"reading_{name}" in state
+    }
     return [
-        LabelledPoints(points_m[rows], labels[rows])
+        LabelledPoints(points_m[rows], labels[rows], **{name: array[rows] for name, array in told.items()})
         for rows in split_by_counts(state, "reading_counts", len(labels))
     ]
+
+
+def _each(reading: LabelledPoints, name: str) -> NDArray[np.float64]:
+    """What a reading tells of each label; where it tells nothing, what stands for that."""
+    told = getattr(reading, name)
+    return np.full(len(reading.points_m), _TOLD[name]) if told is None else told

@@ -22,7 +22,7 @@ from .belief.diagonal import DiagonalBelief
 from .belief.full import FullBelief
 from .kernel import HingeFeatures
 from .lattice import Lattice, MaskedLattice, check_points
-from .likelihood import label_log_odds, prior_offset
+from .likelihood import evidence_of, prior_offset
 from .prediction import Prediction
 from .settings import MapSettings
 from .storage import HILBERT_MAP, naming_the_file, read_arrays, write_arrays
@@ -88,23 +88,34 @@ class HilbertMap:
         return self._query
 
     @one_blas_thread()
-    def update(self, points_m: ArrayLike, is_occupied: ArrayLike) -> UpdateReport:
+    def update(
+        self,
+        points_m: ArrayLike,
+        is_occupied: ArrayLike,
+        *,
+        log_odds: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+    ) -> UpdateReport:
         """Takes in a reading: learns from labelled points (the paper's learn_parameters).
 
         Args:
             points_m: Sensed points [m], shape (n, 3); n may be 0.
             is_occupied: Their labels, shape (n,), True (1) for tumour.
+            log_odds: How far each can be believed, log P(label | tumour) / P(label | free), shape (n,); if None, as the
+                settings' rates of false labels say.
+            weight: How many labels each counts for, shape (n,), above 0 and at most 1; if None, each counts in full.
 
         Raises:
-            ValueError: If shapes differ, a point is not finite, or a label is neither 0 nor 1.
+            ValueError: If shapes differ, a point is not finite, a label is neither 0 nor 1, log odds are no number, or a
+                weight is out of its range.
         """
         points = check_points(points_m)
         labels = _check_labels(is_occupied, len(points))
+        rates = self.settings.false_positive_rate, self.settings.false_negative_rate
+        evidence = evidence_of(labels, rates, log_odds, weight)
         if len(points) == 0:
             return UpdateReport(n_points=0, n_occupied=0, rank=0, n_weights_touched=0, curvature=np.zeros(0))
-        settings = self.settings
-        log_odds = label_log_odds(labels, settings.false_positive_rate, settings.false_negative_rate)
-        report = self._belief.learn(points, self._offset(points), log_odds)
+        report = self._belief.learn(points, self._offset(points), evidence)
         return UpdateReport(
             n_points=len(points),
             n_occupied=int(labels.sum()),

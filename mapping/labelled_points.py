@@ -25,6 +25,13 @@ class LabelledPoints:
     is_occupied: NDArray[np.bool_]
     """Whether the sensor called each point tumour, shape (K,)."""
 
+    log_odds: NDArray[np.float64] | None = None
+    """How far each label can be believed: log P(label | tumour) / P(label | free), shape (K,), infinite where it cannot
+    be wrong. None where nobody says; the labels are then as good as the settings' rates."""
+    weight: NDArray[np.float64] | None = None
+    """How many labels, that err by themselves, each counts for, shape (K,), above 0 and at most 1: less than 1 where
+    neighbours err together. None where each counts in full."""
+
     def believed_tumour_m(self, false_positive_rate: float) -> NDArray[np.float64]:
         """The points called tumour [m] that chance does not explain, shape (B, 3).
 

@@ -16,6 +16,8 @@ precision 2 lambda(xi). `belief/variational.py` learns a reading by it.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import expit
@@ -86,6 +88,51 @@ def label_log_odds(
         if_occupied = np.log1p(-false_negative_rate) - np.log(false_positive_rate)
         if_free = np.log(false_negative_rate) - np.log1p(-false_positive_rate)
     return np.where(is_occupied > 0.5, if_occupied, if_free)
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the labels of a reading say, and how many labels each of them counts for."""
+
+    log_odds: NDArray[np.float64]
+    """log P(label | tumour) / P(label | free) of each label, shape (n,), infinite where it cannot be wrong."""
+    weight: NDArray[np.float64]
+    """The power w of each label's likelihood, shape (n,): 1 where it errs by itself, less where it errs with others."""
+
+
+def evidence_of(
+    labels: NDArray[np.float64],
+    rates: tuple[float, float],
+    log_odds: ArrayLike | None,
+    weight: ArrayLike | None,
+) -> Evidence:
+    """What labels say, by what is told of each or else by the sensor's rates.
+
+    Args:
+        labels: Labels as the sensor gave them, 0 or 1, shape (n,).
+        rates: The rates of false positives and of false negatives, for labels of which nobody tells more.
+        log_odds: log P(label | tumour) / P(label | free) of each, shape (n,); None where the rates say it.
+        weight: How many labels each counts for, shape (n,); None where each counts in full.
+
+    Raises:
+        ValueError: If what is told does not fit the labels, log odds are no number, or a weight is out of its range.
+    """
+    said = label_log_odds(labels, *rates) if log_odds is None else _per_label("log_odds", log_odds, labels)
+    counted = np.ones(len(labels)) if weight is None else _per_label("weight", weight, labels)
+    if np.isnan(said).any():
+        raise ValueError("log_odds holds NaN: give each label a number, or an infinity where it is certain")
+    if not np.all((counted > 0) & (counted <= 1)):
+        raise ValueError("weight must lie above 0 and be at most 1 for each label")
+    return Evidence(said, counted)
+
+
+def _per_label(name: str, values: ArrayLike, labels: NDArray[np.float64]) -> NDArray[np.float64]:
+    array = np.array(values, dtype=np.float64)
+    if array.shape != labels.shape:
+        raise ValueError(
+            f"{name} must hold one value for each of {len(labels)} labels, not shape {array.shape}"
+        )
+    return array
 
 
 def expected_label(latent_mean: ArrayLike, log_odds: NDArray[np.float64]) -> NDArray[np.float64]:

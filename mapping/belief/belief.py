@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..kernel import HingeFeatures, contract, outer_features
 from ..lattice import Lattice
+from ..likelihood import Evidence
 from ..settings import MapSettings
 
 # Query points are taken together in cubes of this many hinge spacings: few cubes, each with few features.
@@ -61,14 +62,14 @@ class Belief(ABC):
 
     @abstractmethod
     def learn(
-        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], evidence: Evidence
     ) -> LearningReport:
         """Takes in a reading.
 
         Args:
             points_m: Sensed points [m], shape (n, 3), n of at least 1.
             offset: The latent's offset b at each of them, shape (n,).
-            log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
+            evidence: What the n labels say of their points.
         """
 
     @abstractmethod

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..kernel import AxisFeatures, HingeFeatures, contract, outer_features
 from ..lattice import Lattice
-from ..likelihood import agreed_mean, bound_curvature, expected_label
+from ..likelihood import Evidence, agreed_mean, bound_curvature, expected_label
 from ..settings import MapSettings
 from ..storage import checked_array
 from .belief import Belief, LearningReport
@@ -31,26 +31,27 @@ class DiagonalBelief(Belief):
         self.variance = np.full(features.n_weights, settings.weight_variance)
 
     def learn(
-        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], evidence: Evidence
     ) -> LearningReport:
         """Takes in a reading; see `Belief.learn`.
 
-        1 / s'_j = 1 / s_j + 2 sum_n lambda_n phi_nj^2
-        mu'_j    = s'_j (mu_j / s_j + sum_n phi_nj (y_n - 1/2 - 2 lambda_n b_n))
+        1 / s'_j = 1 / s_j + 2 sum_n w_n lambda_n phi_nj^2
+        mu'_j    = s'_j (mu_j / s_j + sum_n w_n phi_nj (y_n - 1/2 - 2 lambda_n b_n))
         """
         Phi, weights = self._local_features(points_m)
         squares = Phi**2
         prior_mean, prior_variance = self.mean[weights], self.variance[weights]
-        mean, variance = prior_mean, prior_variance
-        labels = expected_label(0.0, log_odds)
+        mean, variance, weight = prior_mean, prior_variance, evidence.weight
+        labels = expected_label(0.0, evidence.log_odds)
         latent_mean = agreed_mean(offset + Phi @ mean, labels)
         curvature = np.zeros(len(points_m))
         for _ in range(self._settings.n_em_iterations):
             curvature = bound_curvature(np.sqrt(squares @ variance + latent_mean**2))
-            variance = 1 / (1 / prior_variance + 2 * curvature @ squares)
-            mean = variance * (prior_mean / prior_variance + (labels - 0.5 - 2 * curvature * offset) @ Phi)
+            variance = 1 / (1 / prior_variance + 2 * (weight * curvature) @ squares)
+            gradient = weight * (labels - 0.5 - 2 * curvature * offset)
+            mean = variance * (prior_mean / prior_variance + gradient @ Phi)
             latent_mean = offset + Phi @ mean
-            labels = expected_label(latent_mean, log_odds)
+            labels = expected_label(latent_mean, evidence.log_odds)
         self.mean[weights], self.variance[weights] = mean, variance
         return LearningReport(len(weights), len(weights), curvature)
 

@@ -20,7 +20,7 @@ from scipy.linalg import cho_solve
 
 from ..kernel import HingeFeatures
 from ..lattice import Lattice, MaskedLattice
-from ..likelihood import bound_curvature
+from ..likelihood import Evidence, bound_curvature
 from ..settings import MapSettings
 from ..storage import checked_array
 from .belief import Belief, LearningReport
@@ -110,7 +110,7 @@ class FullBelief(Belief):
         return cls(features, settings, kept)
 
     def learn(
-        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], log_odds: NDArray[np.float64]
+        self, points_m: NDArray[np.float64], offset: NDArray[np.float64], evidence: Evidence
     ) -> LearningReport:
         """Takes in a reading; see `Belief.learn`, and the module for the formulas."""
         reduction = self._reduce(points_m)
@@ -121,7 +121,7 @@ class FullBelief(Belief):
         reading = fit_reading(
             coordinates.mean,
             coordinates.basis,
-            log_odds,
+            evidence,
             self._settings.n_em_iterations,
             search_precision=_precision(self._settings),
         )
@@ -129,7 +129,7 @@ class FullBelief(Belief):
         Z = self._shrinkage_root(reading.cholesky)
         n_touched = self._write_back(coordinates, reading.mean, fall=Z, rise=Z[:, :0], moves=moves)
         # A copy, since the caller may use the array again.
-        self.held.append(HeldReading(points_m.copy(), offset, log_odds, reading.curvature, reading.labels))
+        self.held.append(HeldReading(points_m.copy(), offset, evidence, reading.curvature, reading.labels))
         return LearningReport(Z.shape[1], n_touched, reading.curvature)
 
     def revise(self) -> float:
@@ -137,7 +137,7 @@ class FullBelief(Belief):
         largest, n_rounds = 0.0, self._settings.n_em_iterations
         for number, held in enumerate(self.held):
             now = self._coordinates(self._reduce(held.points_m), held.offset)
-            change = refit_reading(now.mean, now.basis, held.log_odds, held.curvature, held.labels, n_rounds)
+            change = refit_reading(now.mean, now.basis, held.evidence, held.curvature, held.labels, n_rounds)
             moves = None if self._samples is None else self._samples.revise(now, change)
             fall, rise = (change.root(sign, self._smallest_share()) for sign in (1.0, -1.0))
             self._write_back(now, change.mean, fall=fall, rise=rise, moves=moves)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..likelihood import Evidence
 from ..storage import checked_array, split_by_counts
 
 
@@ -19,8 +20,8 @@ class HeldReading:
     """Sensed points [m], shape (n, 3)."""
     offset: NDArray[np.float64]
     """The latent's offset b at each point, shape (n,)."""
-    log_odds: NDArray[np.float64]
-    """What each label says of its point, log P(label | tumour) / P(label | free), shape (n,)."""
+    evidence: Evidence
+    """What the n labels say of their points."""
     curvature: NDArray[np.float64]
     """lambda with which the belief holds each point, shape (n,)."""
     labels: NDArray[np.float64]
@@ -30,10 +31,16 @@ class HeldReading:
 def held_state(held: Sequence[HeldReading]) -> dict[str, NDArray]:
     """The arrays of readings, one below another, and how many points each has."""
     points_m = [reading.points_m for reading in held]
-    values = {
-        name: np.concatenate([np.empty(0), *(getattr(reading, name) for reading in held)])
-        for name in ("offset", "log_odds", "curvature", "labels")
+    parts = {
+        "offset": [reading.offset for reading in held],
+        "log_odds": [reading.evidence.log_odds for reading in held],
+        "curvature": [reading.curvature for reading in held],
+        "labels": [reading.labels for reading in held],
     }
+    values = {name: np.concatenate([np.empty(0), *arrays]) for name, arrays in parts.items()}
+    weight = np.concatenate([np.empty(0), *(reading.evidence.weight for reading in held)])
+    if np.any(weight != 1.0):
+        values["weight"] = weight
     return {
         "held_counts": np.array([len(points) for points in points_m], dtype=np.int64),
         "held_points_m": np.concatenate([np.empty((0, 3)), *points_m]),
@@ -55,7 +62,15 @@ def held_from(state: Mapping[str, NDArray]) -> list[HeldReading]:
     offset, curvature, labels = (
         checked_array(state, f"held_{name}", (n,)) for name in ("offset", "curvature", "labels")
     )
+    # Files of readings whose points all count in full hold no weights.
+    weight = checked_array(state, "held_weight", (n,)) if "held_weight" in state else np.ones(n)
     return [
-        HeldReading(points_m[rows], offset[rows], log_odds[rows], curvature[rows], labels[rows])
+        HeldReading(
+            points_m[rows],
+            offset[rows],
+            Evidence(log_odds[rows], weight[rows]),
+            curvature[rows],
+            labels[rows],
+        )
         for rows in split_by_counts(state, "held_counts", n, least=1)
     ]

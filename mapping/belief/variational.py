@@ -19,8 +19,9 @@ f = m + B z with z ~ N(0, I) before the reading:
     D z'   = B^T (y - 1/2 - 2 lambda(xi) m)
     xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2                              (b_n is row n of B here)
 
-Three things are ours and not the paper's: the offset b (zero under its prior), expected labels in place of y where the
-sensor errs (`expected_label`), and where the rounds begin (`fit_reading`).
+Four things are ours and not the paper's: the offset b (zero under its prior), expected labels in place of y where the
+sensor errs (`expected_label`), powers w_n of the likelihood where the points of a reading err together, by which lambda
+and y - 1/2 - 2 lambda m are multiplied (`Evidence`), and where the rounds begin (`fit_reading`).
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, get_blas_funcs, get_lapack_funcs
 
-from ..likelihood import agreed_mean, bound_curvature, expected_label
+from ..likelihood import Evidence, agreed_mean, bound_curvature, expected_label
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class ReadingPosterior:
     cholesky: NDArray[np.float64]
     """Q, lower triangular, shape (r, r)."""
     scaled_basis: NDArray[np.float64]
-    """sqrt(2 lambda_n) b_n, so that D = I + scaled^T scaled, shape (n, r)."""
+    """sqrt(2 w_n lambda_n) b_n, so that D = I + scaled^T scaled, shape (n, r)."""
     curvature: NDArray[np.float64]
     """lambda at each point, shape (n,)."""
     labels: NDArray[np.float64]
@@ -95,7 +96,7 @@ class ReadingChange:
 def refit_reading(
     mean: NDArray[np.float64],
     basis: NDArray[np.float64],
-    log_odds: NDArray[np.float64],
+    evidence: Evidence,
     curvature: NDArray[np.float64],
     labels: NDArray[np.float64],
     n_iterations: int,
@@ -110,17 +111,17 @@ def refit_reading(
     Args:
         mean: Latent mean m at each point now, shape (n,).
         basis: B now, shape (n, r).
-        log_odds: What each label says of its point, shape (n,).
+        evidence: What the n labels say of their points.
         curvature: lambda with which the belief holds the reading, shape (n,).
         labels: The expected labels y with which it does, shape (n,).
         n_iterations: Number of rounds, at least 1.
     """
     xi_squared = np.einsum("nr,nr->n", basis, basis) + mean**2
-    change = _refit(xi_squared, mean, mean, basis, log_odds, curvature, labels)
+    change = _refit(xi_squared, mean, mean, basis, evidence, curvature, labels)
     for _ in range(n_iterations - 1):
         latent_mean = mean + basis @ change.mean
         xi_squared = (basis @ change.axes) ** 2 @ (1 / change.precisions) + latent_mean**2
-        change = _refit(xi_squared, latent_mean, mean, basis, log_odds, curvature, labels)
+        change = _refit(xi_squared, latent_mean, mean, basis, evidence, curvature, labels)
     return change
 
 
@@ -129,17 +130,18 @@ def _refit(
     latent_mean: NDArray[np.float64],
     mean: NDArray[np.float64],
     basis: NDArray[np.float64],
-    log_odds: NDArray[np.float64],
+    evidence: Evidence,
     curvature: NDArray[np.float64],
     labels: NDArray[np.float64],
 ) -> ReadingChange:
     """The change of one round, from the lambda and labels that are held to those of a given xi and mean."""
-    new_curvature, new_labels = bound_curvature(np.sqrt(xi_squared)), expected_label(latent_mean, log_odds)
-    change = 2 * (new_curvature - curvature)
+    new_curvature = bound_curvature(np.sqrt(xi_squared))
+    new_labels = expected_label(latent_mean, evidence.log_odds)
+    change = 2 * evidence.weight * (new_curvature - curvature)
     precisions, axes = np.linalg.eigh(np.eye(basis.shape[1]) + basis.T @ (change[:, None] * basis))
     # What stays is the precision of the prior and the other readings, so d > 0, up to what compression blurs.
     precisions = np.maximum(precisions, 1e-3)
-    gradient = basis.T @ (new_labels - labels - change * mean)
+    gradient = basis.T @ (evidence.weight * (new_labels - labels) - change * mean)
     shift = axes @ (axes.T @ gradient / precisions)
     return ReadingChange(shift, precisions, axes, new_curvature, new_labels)
 
@@ -147,7 +149,7 @@ def _refit(
 def fit_reading(
     prior_mean: NDArray[np.float64],
     basis: NDArray[np.float64],
-    log_odds: NDArray[np.float64],
+    evidence: Evidence,
     n_iterations: int,
     *,
     search_precision: type[np.floating] = np.float64,
@@ -160,16 +162,18 @@ def fit_reading(
     Args:
         prior_mean: Latent mean m at each point before the reading, shape (n,).
         basis: B, shape (n, r).
-        log_odds: What each label says of its point, log P(label | tumour) / P(label | free), shape (n,).
+        evidence: What the n labels say of their points.
         n_iterations: Number of rounds, at least 1.
         search_precision: The precision of the rounds before the last, from which nothing but xi is kept; the last is
             always in double.
     """
     # With nothing but a low prior to go by, every hit would be called an error.
-    labels = expected_label(0.0, log_odds)
+    labels = expected_label(0.0, evidence.log_odds)
     xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
     short = basis.astype(search_precision, copy=False)
-    posterior = posterior_given_xi(xi_squared, prior_mean, basis if n_iterations == 1 else short, labels)
+    posterior = posterior_given_xi(
+        xi_squared, prior_mean, basis if n_iterations == 1 else short, labels, evidence.weight
+    )
     (invert_triangle,) = get_lapack_funcs(("trtri",), (short,))
     (multiply_triangle,) = get_blas_funcs(("trmm",), (short,))
     for rounds_left in range(n_iterations - 1, 0, -1):
@@ -182,7 +186,8 @@ def fit_reading(
         # xi_n^2 = b_n D^-1 b_n^T + (m_n + b_n . z')^2
         xi_squared = np.einsum("rn,rn->n", spread, spread) + mean**2
         now = basis if rounds_left == 1 else short
-        posterior = posterior_given_xi(xi_squared, prior_mean, now, expected_label(mean, log_odds))
+        labels = expected_label(mean, evidence.log_odds)
+        posterior = posterior_given_xi(xi_squared, prior_mean, now, labels, evidence.weight)
     return posterior
 
 
@@ -191,23 +196,24 @@ def posterior_given_xi(
     prior_mean: NDArray[np.float64],
     basis: NDArray[np.floating],
     labels: NDArray[np.float64],
+    weight: NDArray[np.float64],
 ) -> ReadingPosterior:
     """The posterior N(z', D^-1) under the bound at a given xi, from the prior N(0, I) of z.
 
-    D = I + 2 B^T diag(lambda(xi)) B,   D z' = B^T (y - 1/2 - 2 lambda(xi) m)
+    D = I + 2 B^T diag(w lambda(xi)) B,   D z' = B^T diag(w) (y - 1/2 - 2 lambda(xi) m)
 
     Args:
         xi_squared: xi_n^2 of each point, shape (n,).
         prior_mean: Latent mean m at each point before the reading, shape (n,).
         basis: B, shape (n, r).
         labels: y, or its expectation, shape (n,).
+        weight: w, how many labels each counts for, shape (n,).
     """
     curvature = bound_curvature(np.sqrt(xi_squared))
-    scaled = np.sqrt(2 * curvature).astype(basis.dtype)[:, None] * basis
+    scaled = np.sqrt(2 * weight * curvature).astype(basis.dtype)[:, None] * basis
     precision = scaled.T @ scaled
     precision[np.diag_indices_from(precision)] += 1
     factor = cholesky(precision, lower=True, check_finite=False)
-    mean = cho_solve(
-        (factor, True), basis.T @ (labels - 0.5 - 2 * curvature * prior_mean).astype(basis.dtype)
-    )
+    gradient = weight * (labels - 0.5 - 2 * curvature * prior_mean)
+    mean = cho_solve((factor, True), basis.T @ gradient.astype(basis.dtype))
     return ReadingPosterior(mean, factor, scaled, curvature, labels)

@@ -138,16 +138,14 @@ class Detail:
         if not stale.size:
             return
         settings = self._settings
-        distance_m, points_m, is_tumour = self._memory.neighbours(
-            self._places_m[stale], settings.n_neighbours
-        )
+        distance_m, nearest = self._memory.neighbours(self._places_m[stale], settings.n_neighbours)
+        is_tumour = self._memory.is_tumour[nearest]
         is_full = distance_m.shape[1] == settings.n_neighbours
         self._last_neighbour_m[stale] = distance_m[:, -1] if is_full else np.inf
         # A place all of whose neighbours are free is left to the coarse map, which is as sure of it.
         is_mixed = is_tumour.any(axis=1)
         self._mean[stale], self._variance[stale] = 0.0, settings.variance
         mixed = stale[is_mixed]
-        self._mean[mixed], self._variance[mixed] = classify(
-            self._places_m[mixed], points_m[is_mixed], is_tumour[is_mixed], settings, self._rates
-        )
+        neighbours = self._memory.neighbours_of(nearest[is_mixed], self._rates)
+        self._mean[mixed], self._variance[mixed] = classify(self._places_m[mixed], neighbours, settings)
         self._is_stale[stale] = False

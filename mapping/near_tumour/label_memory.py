@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ..labelled_points import LabelledPoints
+from .local_classifier import Neighbours
 
 
 class LabelMemory:
@@ -29,6 +30,13 @@ class LabelMemory:
         self._cubes: set[tuple[int, int, int, int]] = set()
         self.points_m = np.empty((0, 3))
         self.is_tumour = np.empty(0, dtype=bool)
+        self.log_odds = np.empty(0)
+        """How far each label can be believed, shape (L,); NaN where nobody says."""
+        self.weight = np.empty(0)
+        """How many labels each counts for within its reading, shape (L,)."""
+        self.reading = np.empty(0, dtype=np.int64)
+        """The number of the reading that each label is of, shape (L,)."""
+        self._n_readings = 0
         self.tumour_m = np.empty((0, 3))
         """The labels of tumour that can be believed [m], shape (T, 3)."""
         self.is_in_play = np.empty(0, dtype=bool)
@@ -45,6 +53,12 @@ class LabelMemory:
         tumour_m = reading.believed_tumour_m(self._rate)
         self.points_m = np.concatenate([self.points_m, new.points_m])
         self.is_tumour = np.concatenate([self.is_tumour, new.is_occupied])
+        said = np.full(len(new.points_m), np.nan) if new.log_odds is None else new.log_odds
+        self.log_odds = np.concatenate([self.log_odds, said])
+        counted = np.ones(len(said)) if new.weight is None else new.weight
+        self.weight = np.concatenate([self.weight, counted])
+        self.reading = np.concatenate([self.reading, np.full(len(said), self._n_readings)])
+        self._n_readings += 1
         self.tumour_m = np.concatenate([self.tumour_m, tumour_m])
         before = np.concatenate([self.is_in_play, np.zeros(len(new.points_m), dtype=bool)])
         self.is_in_play = before.copy()
@@ -59,7 +73,7 @@ class LabelMemory:
 
     def neighbours(
         self, points_m: NDArray[np.float64], n: int
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """The nearest labels in play of each point, nearest first.
 
         Args:
@@ -67,15 +81,39 @@ class LabelMemory:
             n: Number of neighbours; fewer where fewer are in play.
 
         Returns:
-            Their distances [m], shape (N, n), their points [m], shape (N, n, 3), and which are tumour, shape (N, n).
+            Their distances [m] and their indices among all labels, both of shape (N, n).
         """
-        in_play_m, in_play_tumour = self.points_m[self.is_in_play], self.is_tumour[self.is_in_play]
+        in_play = np.flatnonzero(self.is_in_play)
         if self._tree is None:
-            self._tree = KDTree(in_play_m)
+            self._tree = KDTree(self.points_m[in_play])
         # A list of neighbours keeps the shape (N, n) where n is 1; the stubs know only a number.
-        ranks: list[int] = [*range(1, min(n, len(in_play_m)) + 1)]
+        ranks: list[int] = [*range(1, min(n, len(in_play)) + 1)]
         distance_m, nearest = self._tree.query(points_m, k=ranks)  # pyright: ignore[reportArgumentType]
-        return distance_m, in_play_m[nearest], in_play_tumour[nearest]
+        return distance_m, in_play[nearest]
+
+    def neighbours_of(self, nearest: NDArray[np.intp], rates: tuple[float, float]) -> Neighbours:
+        """What the classifier needs of some labels.
+
+        A label whose own say is known, L = log P(label | tumour) / P(label | free), is one of a sensor that never errs
+        the other way: it calls a share exp(-L) of free points tumour, or a share exp(L) of tumour points free. Labels of
+        one reading that err together count for one among the neighbours of a place.
+
+        Args:
+            nearest: Indices of the neighbours of N places, shape (N, k).
+            rates: The sensor's rates of false positives and of false negatives, for labels of which nobody says more.
+        """
+        points_m, is_tumour = self.points_m[nearest], self.is_tumour[nearest]
+        log_odds = self.log_odds[nearest]
+        is_known = ~np.isnan(log_odds)
+        if not is_known.any():
+            return Neighbours(points_m, is_tumour, *rates, 1.0)
+        chance = np.exp(-np.abs(log_odds))
+        false_positive = np.where(is_known, np.where(is_tumour, chance, 0.0), rates[0])
+        false_negative = np.where(is_known, np.where(is_tumour, 0.0, chance), rates[1])
+        reading = self.reading[nearest]
+        n_together = (reading[:, :, None] == reading[:, None]).sum(axis=2)
+        weight = np.maximum(self.weight[nearest], 1.0 / n_together)
+        return Neighbours(points_m, is_tumour, false_positive, false_negative, weight)
 
     def _bring_in(self, candidates: NDArray[np.intp], tumour_m: NDArray[np.float64]) -> None:
         """Brings into play those candidates that lie in range of some labels of tumour."""
@@ -94,4 +132,6 @@ class LabelMemory:
             if key not in self._cubes:
                 self._cubes.add(key)
                 is_kept[i] = True
-        return LabelledPoints(reading.points_m[is_kept], reading.is_occupied[is_kept])
+        log_odds = None if reading.log_odds is None else reading.log_odds[is_kept]
+        weight = None if reading.weight is None else reading.weight[is_kept]
+        return LabelledPoints(reading.points_m[is_kept], reading.is_occupied[is_kept], log_odds, weight)

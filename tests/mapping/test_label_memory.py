@@ -46,7 +46,8 @@ def test_neighbours_are_the_nearest_in_play():
     for reading in some_readings(4, 5):
         memory.add(reading)
     asked_m = np.random.default_rng(1).uniform(-0.02, 0.02, (20, 3))
-    distance_m, points_m, is_tumour = memory.neighbours(asked_m, 9)
+    distance_m, nearest = memory.neighbours(asked_m, 9)
+    points_m, is_tumour = memory.points_m[nearest], memory.is_tumour[nearest]
     in_play_m, labels = memory.points_m[memory.is_in_play], memory.is_tumour[memory.is_in_play]
     for i, place_m in enumerate(asked_m):
         gaps_m = np.linalg.norm(in_play_m - place_m, axis=1)

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from mapping import DetailSettings
-from mapping.near_tumour.local_classifier import classify
+from mapping.near_tumour.local_classifier import Neighbours, classify
 
 RATES = [(0.0, 0.0), (0.05, 0.05), (0.02, 0.0)]
 
@@ -49,7 +49,7 @@ def test_mean_and_variance_are_those_of_a_posterior_found_by_a_minimiser(rates):
     places_m = rng.uniform(-0.02, 0.02, (12, 3))
     points_m = places_m[:, None] + rng.uniform(-0.009, 0.009, (12, 12, 3))
     is_tumour = np.linalg.norm(points_m - points_m[:, :1], axis=2) < 0.008
-    mean, variance = classify(places_m, points_m, is_tumour, settings, rates)
+    mean, variance = classify(places_m, Neighbours(points_m, is_tumour, *rates, 1.0), settings)
     for i in range(len(places_m)):
         expected = posterior(places_m[i], points_m[i], is_tumour[i], settings, rates)
         # Some rounds in single precision; the floor under the curvature moves a variance by up to 0.4 %.
@@ -60,7 +60,9 @@ def test_far_from_its_labels_it_falls_back_to_the_prior():
     settings, rng = DetailSettings(), np.random.default_rng(1)
     points_m = rng.uniform(-0.004, 0.004, (1, 24, 3))
     far_m = np.array([[0.08, 0.0, 0.0]])
-    mean, variance = classify(far_m, points_m, np.ones((1, 24), dtype=bool), settings, (0.0, 0.0))
+    mean, variance = classify(
+        far_m, Neighbours(points_m, np.ones((1, 24), dtype=bool), 0.0, 0.0, 1.0), settings
+    )
     np.testing.assert_allclose((mean[0], variance[0]), (settings.prior_mean, settings.variance), rtol=1e-6)
 
 
@@ -69,8 +71,9 @@ def test_a_place_has_the_same_bytes_whatever_else_is_asked_with_it():
     places_m = rng.uniform(-0.02, 0.02, (1500, 3))
     points_m = places_m[:, None] + rng.uniform(-0.009, 0.009, (1500, 24, 3))
     is_tumour = rng.random((1500, 24)) < 0.5
-    together = classify(places_m, points_m, is_tumour, settings, (0.0, 0.0))
+    neighbours = Neighbours(points_m, is_tumour, 0.0, 0.0, 1.0)
+    together = classify(places_m, neighbours, settings)
     for some in (slice(3, 4), slice(1000, 1100), slice(None, None, 7)):
-        alone = classify(places_m[some], points_m[some], is_tumour[some], settings, (0.0, 0.0))
+        alone = classify(places_m[some], neighbours.part(some), settings)
         for one, other in zip(alone, together, strict=True):
             np.testing.assert_array_equal(one, other[some])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,26 @@ class Reading:
     is_occupied: NDArray[np.bool_]
     """Whether the sensor takes each point for tumour, shape (N,)."""
     T_world_probe: NDArray[np.float64]
-    """Pose of the probe's tip at which the sensor looked, shape (4, 4)."""
+    """Pose of the probe's tip at which the sensor looked, as it is believed to be, shape (4, 4)."""
     is_target: NDArray[np.bool_] | None = None
     """Whether the sensor takes each point for a body of the second class, shape (N,); None without such a class."""
+
+    log_odds: NDArray[np.float64] | None = None
+    """How far each label can be believed, log P(label | tumour) / P(label | free), shape (N,): above 0 where it speaks
+    for tumour, infinite where it cannot be wrong. None where the sensor does not say."""
+    weight: NDArray[np.float64] | None = None
+    """How many labels, that err by themselves, each counts for, shape (N,), above 0 and at most 1: points that err
+    together count for less. None where each counts in full."""
+
+    def part(self, is_kept: NDArray[np.bool_]) -> Reading:
+        """The reading without some of its points.
+
+        Args:
+            is_kept: Which points stay, shape (N,).
+        """
+        per_point = ("points_m", "is_occupied", "is_target", "log_odds", "weight")
+        arrays = {name: getattr(self, name) for name in per_point if getattr(self, name) is not None}
+        return replace(self, **{name: array[is_kept] for name, array in arrays.items()})
 
     def __post_init__(self) -> None:
         """Checks shapes and types, so that a sensor's slip shows here and not inside the map.
@@ -32,6 +49,9 @@ class Reading:
         labels = {"is_occupied": self.is_occupied}
         if self.is_target is not None:
             shapes["is_target"], labels["is_target"] = (n_points,), self.is_target
+        shapes |= {
+            name: (n_points,) for name in ("log_odds", "weight") if getattr(self, name) is not None
+        }
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 raise ValueError(

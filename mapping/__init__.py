@@ -21,12 +21,17 @@ from .metrics import (
 )
 from .prediction import Prediction
 from .settings import DetailSettings, MapSettings
+from .trust.error_rates import ErrorRates
+from .trust.label_trust import LabelTrust
+from .trust.settings import TrustSettings
 from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
 __all__ = [
     "DetailSettings",
     "DetailedMap",
+    "ErrorRates",
     "HilbertMap",
+    "LabelTrust",
     "LabelledPoints",
     "Lattice",
     "MapMetrics",
@@ -34,6 +39,7 @@ __all__ = [
     "MapSpace",
     "PrecisionRecallCurve",
     "Prediction",
+    "TrustSettings",
     "TumourMap",
     "TumourMapFactory",
     "UpdateReport",

@@ -15,6 +15,10 @@ _N_NEIGHBOURS = 8
 _CHANCE = 1e-3
 """A label is believed where false labels would agree with it, among its neighbours, less often than this."""
 
+_BELIEVED = 5.0
+"""Log odds of a label of tumour that outweigh a prior of 2 per cent, as four neighbours that agree have them and three
+that slips explain now and then have not."""
+
 
 @dataclass(frozen=True, eq=False)
 class LabelledPoints:
@@ -36,12 +40,19 @@ class LabelledPoints:
         """The points called tumour [m] that chance does not explain, shape (B, 3).
 
         Of the 8 points nearest to one, itself included, m are called tumour; with no tumour there, false labels do
-        that with probability P(Binomial(8, rate) >= m). Without false labels every tumour label is believed.
+        that with probability P(Binomial(8, rate) >= m). Without false labels every tumour label is believed. Where
+        labels say themselves how far they can be believed, the rate is theirs; and where they err together, so that
+        neighbours prove nothing, a label is believed that makes a place with a prior of 2 % likelier tumour than not.
 
         Args:
             false_positive_rate: Share of free points that the sensor is believed to call tumour.
         """
         occupied_m = self.points_m[self.is_occupied]
+        if self.log_odds is not None and len(occupied_m):
+            log_odds = self.log_odds[self.is_occupied]
+            if self.weight is not None:
+                return occupied_m[log_odds > _BELIEVED]
+            false_positive_rate = float(np.exp(-np.median(log_odds)))
         if false_positive_rate <= 0.0 or not len(occupied_m):
             return occupied_m
         n = min(_N_NEIGHBOURS, len(self.points_m))

@@ -42,6 +42,8 @@ class Situation:
     """Share of free points that the sensor is believed to call tumour."""
     false_negative_rate: float = 0.0
     """Share of tumour points that the sensor is believed to call free."""
+    missed_rate: float = 0.0
+    """Chance with which a view is believed to miss a lesion as a whole."""
     motion_s: Callable[[NDArray[np.intp]], NDArray[np.float64]] | None = None
     """Modelled time of the transfer from above the last pose to above others [s], infinite for those that the arm does
     not reach; None where nobody can say, as before the first action."""

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 from scipy.special import expit
 
 from mapping import Prediction
 
 from ..cone import Cone
+from ..situation import Situation
 from ..visibility import visibility
 from ..workspace import Workspace
 from .fine_lattice import FineLattice
 from .hidden_balls import distance_to_cones
 
+SUSPECTED, _CONFIRMED = 0.2, 0.9
+"""Where views may be wrong, a place of the first probability is a suspect, and one of the second is confirmed."""
+_ENOUGH_LOOKS = 3
+"""A suspect that lay in this many cones is looked at no more for its own sake."""
 _CUBE_M = 0.03
 """Points are handled cube by cube of this side [m], so that most poses drop out at once."""
 
@@ -42,6 +48,35 @@ def sensed_points(
     if not sensed or not len(points_m):
         return np.zeros(len(points_m), dtype=bool)
     return np.asarray(visibility(workspace.part(sensed), cone, points_m).any(axis=1))
+
+
+def unconfirmed_points(
+    situation: Situation,
+    points_m: NDArray[np.float64],
+    probability: NDArray[np.float64],
+    margin_m: float,
+) -> NDArray[np.bool_]:
+    """Which points belong to a finding that more looks would confirm or drop, shape (F,).
+
+    They are suspected to be tumour, lay in fewer than three cones, and no place nearby is confirmed.
+
+    Args:
+        situation: What is known so far.
+        points_m: The points [m, world], shape (F, 3).
+        probability: The probability of tumour there, shape (F,).
+        margin_m: What counts as nearby [m].
+    """
+    is_suspect = probability > SUSPECTED
+    confirmed_m, suspect = points_m[probability > _CONFIRMED], np.flatnonzero(is_suspect)
+    if len(confirmed_m) and suspect.size:
+        gap_m, _ = KDTree(confirmed_m).query(points_m[suspect], distance_upper_bound=margin_m)
+        is_suspect[suspect[np.isfinite(gap_m)]] = False
+    suspect = np.flatnonzero(is_suspect)
+    if suspect.size:
+        sensed = situation.workspace.part(situation.sensed)
+        n_looks = visibility(sensed, situation.cone, points_m[suspect]).sum(axis=1)
+        is_suspect[suspect[n_looks >= _ENOUGH_LOOKS]] = False
+    return is_suspect
 
 
 def seen_weight(

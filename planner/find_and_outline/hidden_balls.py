@@ -129,13 +129,42 @@ def _left_by(
 ) -> NDArray[np.float64]:
     """The share that some readings leave of each ball's weight, shape (B,); kept, since every action needs it again."""
     left = np.ones(len(balls.radii_m))
-    free_m = [reading.points_m[~reading.is_occupied] for reading in readings]
     tumour_m = [reading.believed_tumour_m(false_positive_rate) for reading in readings]
+    if any(reading.log_odds is not None for reading in readings):
+        return _left_by_doubtful(balls, readings, np.concatenate(tumour_m))
+    free_m = [reading.points_m[~reading.is_occupied] for reading in readings]
     for points_m, rate in ((np.concatenate(tumour_m), 0.0), (np.concatenate(free_m), false_negative_rate)):
         if len(points_m):
             # Quick to build, since it answers one query.
             tree = KDTree(points_m, balanced_tree=False, compact_nodes=False)
             left *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)
+    return left
+
+
+def _left_by_doubtful(
+    balls: HiddenBalls, readings: tuple[LabelledPoints, ...], believed_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The share that readings leave of each ball's weight where labels say how far they can be believed, shape (B,).
+
+    Free labels with log odds L_n that count for w_n labels leave exp(sum_n w_n L_n).
+
+    Args:
+        balls: The balls.
+        readings: The readings.
+        believed_m: Labels of tumour that can be believed [m], shape (T, 3).
+    """
+    left = np.ones(len(balls.radii_m))
+    for reading in readings:
+        free = np.flatnonzero(~reading.is_occupied)
+        if free.size and reading.log_odds is not None:
+            weight = np.ones(free.size) if reading.weight is None else reading.weight[free]
+            said = np.append(weight * reading.log_odds[free], 0.0)
+            tree = KDTree(reading.points_m[free], balanced_tree=False, compact_nodes=False)
+            held = tree.query_ball_point(balls.centres_m, balls.radii_m)
+            left *= np.exp([said[each].sum() for each in held])
+    if len(believed_m):
+        tree = KDTree(believed_m)
+        left[tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True) > 0] = 0.0
     return left
 
 

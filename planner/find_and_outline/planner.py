@@ -21,7 +21,7 @@ from ..stopping.lesion_count import label_spacing_m, n_lesions
 from ..stopping.lesion_prior import LesionPrior
 from ..stopping.what_is_left import WhatIsLeft
 from .fine_lattice import FineLattice, fine_lattice
-from .frontier import probability_at, seen_weight, sensed_points
+from .frontier import SUSPECTED, probability_at, seen_weight, sensed_points, unconfirmed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
 from .tour import MAX_STOPS, shortest_tour
 
@@ -52,7 +52,8 @@ class FindAndOutline(Planner):
     hidden_ratio: float = 1.0
     """What it is expected to find beyond that, as a share of the volume found so far: where much was, more may be."""
     fading: float = 0.03
-    """Factor of a ball's weight for each time that a pose looked at it and found nothing."""
+    """Factor of a ball's weight for each time that a pose looked at it and found nothing; at least the chance with which
+    the sensor is believed to miss a lesion."""
     travel_weight: float = 0.0
     """How much a second of transfer counts against one of sensing: 0 for the fewest actions, more for shorter ways."""
     batch: int = 1
@@ -170,7 +171,8 @@ class FindAndOutline(Planner):
             situation: What is known so far.
         """
         balls = self._hidden(situation)
-        left = balls.weights * self.fading ** balls.times_found(situation.sensed)
+        fading = max(self.fading, situation.missed_rate)
+        left = balls.weights * fading ** balls.times_found(situation.sensed)
         return balls.newly_found(left.astype(np.float32)).astype(np.float64)
 
     def outline_score(self, situation: Situation) -> NDArray[np.float64]:
@@ -178,7 +180,8 @@ class FindAndOutline(Planner):
 
             outline = v sum over open points x in the pose's cone of  max(p(x), floor),   v the volume of a cell
 
-        Open points lie within `margin_m` of likely tumour and in no cone so far.
+        Open points lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding that
+        is not confirmed yet is open for some looks more, see `unconfirmed_points`.
 
         Args:
             situation: What is known so far.
@@ -189,6 +192,8 @@ class FindAndOutline(Planner):
         around = lattice.near(_likely_tumour_m(lattice, probability, situation), self.margin_m)
         points_m = lattice.points_m[around]
         is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
+        if situation.missed_rate > 0.0:
+            is_open |= unconfirmed_points(situation, points_m, probability[around], self.margin_m)
         weights = np.maximum(probability[around], self.floor)[is_open]
         return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
 
@@ -274,5 +279,7 @@ def _likely_tumour_m(
     The map smooths away a few labels of tumour among many of none, such as a cone that grazes one returns.
     """
     rate = situation.false_positive_rate
-    believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings]
-    return np.concatenate([lattice.points_m[probability > 0.5], *believed_m])
+    # Where views may invent lesions, the map weighs them against each other.
+    believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings if reading.weight is None]
+    least = 0.5 if situation.missed_rate == 0.0 else SUSPECTED
+    return np.concatenate([lattice.points_m[probability > least], *believed_m])

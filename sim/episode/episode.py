@@ -12,9 +12,11 @@ import numpy as np
 from mapping import (
     DetailSettings,
     LabelledPoints,
+    LabelTrust,
     MapMetrics,
     MapSettings,
     Prediction,
+    TrustSettings,
     TumourMap,
     TumourMapFactory,
     average_precision,
@@ -29,6 +31,7 @@ from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
 from .arm_motion import make_motion_model
+from .labels import labelled, teach
 from .measures import NEVER, never, note_first
 from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
@@ -48,6 +51,7 @@ class Episode:
         seed: int,
         map_settings: MapSettings | None = None,
         detail: DetailSettings | None = None,
+        trust: TrustSettings | None = None,
         tumour_map: TumourMapFactory | None = make_hilbert_map,
         sensor: Sensor | None = None,
         motion_model: MotionModel | None = None,
@@ -63,6 +67,7 @@ class Episode:
             seed: Seed of everything random. Parts have streams of their own, so planners with one seed face one truth.
             map_settings: What the map assumes.
             detail: How the map answers in detail near sensed tumour; None for a plain Hilbert map.
+            trust: How far the sensor's labels of tumour are believed; None to take them as they are.
             tumour_map: Makes the map from its space: `make_hilbert_map`, or a class of one's own. None keeps no map,
                 which suits only planners that need no belief. A second class gets a map of its own.
             sensor: Makes the readings; None for the paper's exact cone.
@@ -86,6 +91,7 @@ class Episode:
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
         self.tumour_map = self._new_map(tumour_map, detail)
+        self.trust = None if trust is None else LabelTrust(trust.rates, learns=trust.learns)
         self.prediction: Prediction | None = None
         self.target: TargetBelief | None = None
         if self.truth.target is not None:
@@ -167,12 +173,15 @@ class Episode:
             return None
         pose, answer, motion = chosen
         reading = self._read()
-        self._note_seen(number, reading)
+        self._note_seen(number)
         sensed_s = perf_counter()
-        auprc = self._update(reading)
-        target = self.target.learn(number, reading) if self.target is not None else None
+        labels = labelled(reading, self.trust)
+        auprc = self._update(labels)
+        target = None
+        if self.target is not None:
+            target = self.target.learn(number, reading, self._scene_state.T_world_probe)
         self.sensed.append(pose)
-        self.readings.append(LabelledPoints(reading.points_m, reading.is_occupied))
+        self.readings.append(labels)
         return Step(
             step=number,
             pose_index=pose,
@@ -254,6 +263,7 @@ class Episode:
             readings=tuple(self._planned_for.readings),
             false_positive_rate=self._map_settings.false_positive_rate,
             false_negative_rate=self._map_settings.false_negative_rate,
+            missed_rate=self.trust.rates.missed if self.trust is not None else 0.0,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
@@ -269,18 +279,20 @@ class Episode:
             return self._sensor.sense(self._scene_state, self._sensor_rng)
         return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
 
-    def _note_seen(self, number: int, reading: Reading) -> None:
+    def _note_seen(self, number: int) -> None:
         """Note the detection points that lie in the cone that was really cast."""
-        T = reading.T_world_probe
+        T = self._scene_state.T_world_probe
         is_held = self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
         note_first(self.first_seen, number, is_held)
 
-    def _update(self, reading: Reading) -> float | None:
+    def _update(self, labels: LabelledPoints) -> float | None:
         if self.tumour_map is None:
             return None
-        self.tumour_map.update(reading.points_m, reading.is_occupied)
+        teach(self.tumour_map, labels)
         self._predict()
         assert self.prediction is not None
+        if self.trust is not None:
+            self.trust.observe(labels, self.setup.search_points_m, self.prediction.probability)
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
     def _new_map(self, make: TumourMapFactory | None, detail: DetailSettings | None) -> TumourMap | None:

@@ -59,18 +59,19 @@ class TargetBelief:
         """What the class is called."""
         return self.truth.anatomy.name
 
-    def learn(self, number: int, reading: Reading) -> TargetScore:
+    def learn(self, number: int, reading: Reading, T_world_probe: NDArray[np.float64]) -> TargetScore:
         """The score after an action, whose labels of the class update the map.
 
         Args:
             number: The number of the action, from 1.
             reading: What it read.
+            T_world_probe: Where the probe's tip truly was, shape (4, 4).
 
         Raises:
             ValueError: There is a map, and the reading has no labels of the class.
         """
-        T = reading.T_world_probe
-        is_held = self._cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
+        tip_m, beam = T_world_probe[:3, 3], T_world_probe[:3, 2]
+        is_held = self._cone.contains(self.truth.anatomy.detection_points_m, tip_m, beam)
         note_first(self.first_seen, number, is_held)
         if self.tumour_map is not None:
             if reading.is_target is None:

@@ -49,9 +49,7 @@ class Reading:
         labels = {"is_occupied": self.is_occupied}
         if self.is_target is not None:
             shapes["is_target"], labels["is_target"] = (n_points,), self.is_target
-        shapes |= {
-            name: (n_points,) for name in ("log_odds", "weight") if getattr(self, name) is not None
-        }
+        shapes |= {name: (n_points,) for name in ("log_odds", "weight") if getattr(self, name) is not None}
         for name, shape in shapes.items():
             if np.shape(getattr(self, name)) != shape:
                 raise ValueError(

@@ -36,10 +36,10 @@ HYPOECHOIC = Echogenicity(
 )
 MIXED = Echogenicity(name="mixed", share=0.15, published_dice=0.88, outline_factor=0.72, missed_factor=1.0)
 HYPERECHOIC = Echogenicity(
-    name="hyperechoic", share=0.17, published_dice=0.70, outline_factor=2.13, missed_factor=1.6
+    name="hyperechoic", share=0.17, published_dice=0.70, outline_factor=1.9, missed_factor=1.6
 )
 ISOECHOIC = Echogenicity(
-    name="isoechoic", share=0.06, published_dice=0.60, outline_factor=3.1, missed_factor=3.4
+    name="isoechoic", share=0.06, published_dice=0.60, outline_factor=2.9, missed_factor=3.4
 )
 ECHOGENICITIES = (HYPOECHOIC, MIXED, HYPERECHOIC, ISOECHOIC)
 

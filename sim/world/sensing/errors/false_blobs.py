@@ -24,7 +24,10 @@ def false_blobs(
     n_blobs = int(rng.poisson(errors.false_blobs))
     is_in = np.zeros(len(points_m), dtype=bool)
     for _ in range(n_blobs):
-        share, radius_m = rng.random(), errors.false_blob_radius_m * np.exp(_RADIUS_SPREAD * rng.standard_normal())
+        share, radius_m = (
+            rng.random(),
+            errors.false_blob_radius_m * np.exp(_RADIUS_SPREAD * rng.standard_normal()),
+        )
         if len(points_m):
             centre_m = points_m[int(share * len(points_m))]
             is_in |= np.linalg.norm(points_m - centre_m, axis=1) < radius_m

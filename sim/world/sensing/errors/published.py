@@ -15,7 +15,7 @@ PUBLISHED_DICE = 0.84
 PUBLISHED_MISSED_SHARE = 0.08
 """Share of the views of lesions in which the lesion is missed."""
 PUBLISHED = ReaderErrors(
-    missed_share=0.08,
+    missed_share=0.10,
     missed_size_power=0.5,
     missed_per_m=3.0,
     missed_by_echogenicity=True,

@@ -45,6 +45,8 @@ def _geoms(scene: Scene, names: tuple[str, ...]) -> list[int]:
         if name not in known:
             there = f"it has {', '.join(known)}" if known else "it has no structures"
             raise FieldError(
-                "shadowing", name, f"the anatomy has no structure of that name; {there}.{did_you_mean(name, known)}"
+                "shadowing",
+                name,
+                f"the anatomy has no structure of that name; {there}.{did_you_mean(name, known)}",
             )
     return [scene.model.geom(f"structure{index}").id for index, name in enumerate(known) if name in names]

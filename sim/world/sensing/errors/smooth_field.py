@@ -26,9 +26,7 @@ class SmoothField:
     @classmethod
     def drawn(cls, length_m: float, rng: np.random.Generator) -> SmoothField:
         """A field of that length l [m]."""
-        return cls(
-            rng.standard_normal((_N_WAVES, 3)) / length_m, rng.uniform(0.0, 2.0 * np.pi, _N_WAVES)
-        )
+        return cls(rng.standard_normal((_N_WAVES, 3)) / length_m, rng.uniform(0.0, 2.0 * np.pi, _N_WAVES))
 
     def at(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """The field at points [m], shape (N, 3); result shape (N,)."""

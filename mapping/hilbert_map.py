@@ -106,8 +106,8 @@ class HilbertMap:
             weight: How many labels each counts for, shape (n,), above 0 and at most 1; if None, each counts in full.
 
         Raises:
-            ValueError: If shapes differ, a point is not finite, a label is neither 0 nor 1, log odds are no number, or a
-                weight is out of its range.
+            ValueError: If shapes differ, a point is not finite, a label is neither 0 nor 1, log odds are no number, or
+                a weight is out of its range.
         """
         points = check_points(points_m)
         labels = _check_labels(is_occupied, len(points))

@@ -101,6 +101,11 @@ class DetailSettings:
     doubt_m: float = 0.0075
     """Distance from the nearest label [m] over which this share grows, as 1 - exp(-(d / doubt_m)^2)."""
 
+    @classmethod
+    def of_many_labels(cls) -> DetailSettings:
+        """The settings for labels that may be wrong: more of them answer for a place, and fewer are thinned out."""
+        return cls(n_neighbours=48, cube_m=0.001)
+
     def __post_init__(self) -> None:
         """Checks the ranges."""
         for name in ("length_m", "variance", "reach_m", "cube_m", "sharpness", "fading", "credit", "doubt_m"):

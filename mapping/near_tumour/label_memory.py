@@ -95,8 +95,8 @@ class LabelMemory:
         """What the classifier needs of some labels.
 
         A label whose own say is known, L = log P(label | tumour) / P(label | free), is one of a sensor that never errs
-        the other way: it calls a share exp(-L) of free points tumour, or a share exp(L) of tumour points free. Labels of
-        one reading that err together count for one among the neighbours of a place.
+        the other way: it calls a share exp(-L) of free points tumour, or a share exp(L) of tumour points free. Labels
+        of one reading that err together count for one among the neighbours of a place.
 
         Args:
             nearest: Indices of the neighbours of N places, shape (N, k).

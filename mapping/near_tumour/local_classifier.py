@@ -56,7 +56,7 @@ class Neighbours:
     def part(self, rows: slice) -> Neighbours:
         """The neighbours of some of the places."""
         per_label = (self.false_positive, self.false_negative, self.weight)
-        rates = (each if isinstance(each, float) else each[rows] for each in per_label)
+        rates = (each[rows] if isinstance(each, np.ndarray) else each for each in per_label)
         return Neighbours(self.points_m[rows], self.is_tumour[rows], *rates)
 
 

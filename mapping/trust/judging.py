@@ -1,4 +1,4 @@
-"""What the rates of a sensor's errors make of a reading: how far each label can be believed, and for how much it counts.
+"""What the rates of a sensor's errors make of a reading: how far each label can be believed, and how much it counts.
 
 Where single labels err by themselves, a label says as much as its rates:
 

@@ -1,6 +1,6 @@
 """How far an episode trusts the labels of its sensor: by rates that are told, or learnt as readings come.
 
-Rates are learnt by empirical Bayes. A rate r with the prior Beta(r_0 n_0, (1 - r_0) n_0) has, after k errors in n cases,
+Rates are learnt by empirical Bayes. A rate r of the prior Beta(r_0 n_0, (1 - r_0) n_0) has, after k errors in n cases,
 the mean (r_0 n_0 + k) / (n_0 + n). What counts as an error:
 
 - A single point slips where all but one at most of its 7 neighbours say otherwise; the points with such neighbours are

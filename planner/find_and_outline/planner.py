@@ -52,8 +52,8 @@ class FindAndOutline(Planner):
     hidden_ratio: float = 1.0
     """What it is expected to find beyond that, as a share of the volume found so far: where much was, more may be."""
     fading: float = 0.03
-    """Factor of a ball's weight for each time that a pose looked at it and found nothing; at least the chance with which
-    the sensor is believed to miss a lesion."""
+    """Factor of a ball's weight for each time that a pose looked at it and found nothing; at least the chance with
+    which the sensor is believed to miss a lesion."""
     travel_weight: float = 0.0
     """How much a second of transfer counts against one of sensing: 0 for the fewest actions, more for shorter ways."""
     batch: int = 1
@@ -180,8 +180,8 @@ class FindAndOutline(Planner):
 
             outline = v sum over open points x in the pose's cone of  max(p(x), floor),   v the volume of a cell
 
-        Open points lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding that
-        is not confirmed yet is open for some looks more, see `unconfirmed_points`.
+        Open points lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding
+        that is not confirmed yet is open for some looks more, see `unconfirmed_points`.
 
         Args:
             situation: What is known so far.

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from mapping import DetailSettings, MapSettings, TumourMapFactory, make_hilbert_map
+from mapping import DetailSettings, MapSettings, TrustSettings, TumourMapFactory, make_hilbert_map
 from planner import (
     LesionPrior,
     Planner,
@@ -21,12 +21,15 @@ from planner import (
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
-from sim.plugs import MAP, PLANNER, SENSOR, load_plug, make_plug, parse_plug_options
+from sim.plugs import MAP, PLANNER, load_plug, make_plug, parse_plug_options
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 from .arm_place import arm_of, probe_of
 from .case import MM, scenario_changes
-from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
+from .config import ALWAYS, WHEN_NEEDED, EpisodeConfig
+from .own import own_plug, refuse_options
+from .reader import reader_errors
+from .sensor import sensor_of, trust_of
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
 
 if TYPE_CHECKING:
@@ -50,6 +53,8 @@ class EpisodeParts:
     map_settings: MapSettings
     detail: DetailSettings | None
     """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
+    trust: TrustSettings | None
+    """How far labels are believed; None to take them as they are."""
     arm: ArmModel | None
     """The arm where it stands; None for a free-flying probe."""
     probe: ProbeModel
@@ -118,13 +123,15 @@ def make_parts(
     planner = planner or planner_of(config)
     _check_stops(config, planner)
     settings = map_settings_of(config, planner)
+    scenario = scenario_of(config, scenario)
     return EpisodeParts(
-        scenario=scenario_of(config, scenario),
+        scenario=scenario,
         planner=planner,
         sensor=sensor or sensor_of(config),
         make_map=make_map or _map_of(config, planner),
         map_settings=settings,
         detail=detail_of(config, planner),
+        trust=trust_of(config, scenario, sensor),
         arm=arm_of(config),
         probe=probe_of(config),
         motion=config.moving.motion,
@@ -149,6 +156,7 @@ def check_config(config: EpisodeConfig) -> None:
     scenario_of(config)
     motion_settings_of(config)
     servo_settings_of(config)
+    reader_errors(config.reading)
     if config.planner in planner_names():
         planner = planner_of(config)
         _check_stops(config, planner)
@@ -193,9 +201,9 @@ def planner_of(config: EpisodeConfig) -> Planner:
         PlannerError, PlugError: The planner cannot be made.
     """
     if config.planner not in planner_names():
-        return _own(config.planner, PLANNER, config.planning.planner_option)
+        return own_plug(config.planner, PLANNER, config.planning.planner_option)
     if config.planner in HAVE_FLAGS:
-        _refuse_options(
+        refuse_options(
             "planner_option", config.planning.planner_option, f"planner of your own; {config.planner}"
         )
     try:
@@ -252,20 +260,6 @@ def _check_stops(config: EpisodeConfig, planner: Planner) -> None:
         )
 
 
-def sensor_of(config: EpisodeConfig) -> Sensor:
-    """The sensor of a configuration, with its options.
-
-    Raises:
-        PlugError: The sensor cannot be made.
-    """
-    from sim.world.sensing.cone_sensor import ConeSensor
-
-    if config.sensor == CONE:
-        _refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {CONE}")
-        return ConeSensor()
-    return _own(config.sensor, SENSOR, config.sensing.sensor_option)
-
-
 def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     """What makes the map; None where no map is kept."""
     kept = config.mapping.map
@@ -274,17 +268,6 @@ def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
         load_plug(kept, MAP)
         options = parse_plug_options(config.mapping.map_option)
         return lambda space: make_plug(kept, MAP, options, space)
-    _refuse_options("map_option", config.mapping.map_option, "map of your own; the built-in map")
+    refuse_options("map_option", config.mapping.map_option, "map of your own; the built-in map")
     is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
     return make_hilbert_map if is_kept else None
-
-
-def _own(text: str, kind: Any, words: tuple[str, ...]) -> Any:
-    """What a user brings along by text, made with its options."""
-    return make_plug(text, kind, parse_plug_options(words))
-
-
-def _refuse_options(field: str, words: tuple[str, ...], whose: str) -> None:
-    """Refuse options of a plug where there is none."""
-    if words:
-        raise FieldError(field, words, f"goes only with a {whose} has no such options.")

@@ -126,6 +126,7 @@ def make_episode(
         seed=parts.seed,
         map_settings=parts.map_settings,
         detail=parts.detail,
+        trust=parts.trust,
         tumour_map=parts.make_map,
         sensor=parts.sensor,
         motion_model=make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings),

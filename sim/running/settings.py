@@ -12,8 +12,9 @@ from sim.errors import FieldError, UsageError
 from sim.world.motion.settings import MotionSettings, ServoSettings
 
 from .case import MM
-from .config import EpisodeConfig, MapName
+from .config import CONE_WITH_ERRORS, EpisodeConfig, MapName
 from .fields import value_of
+from .reader import trust_name
 
 FIELD_OF = {
     "sure_radius_m": "sure_radius_mm",
@@ -74,7 +75,10 @@ def detail_of(config: EpisodeConfig, planner: Planner) -> DetailSettings | None:
     """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
     wanted = config.mapping.map_detail
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
-    return DetailSettings() if is_on else None
+    if not is_on:
+        return None
+    is_exact = trust_name(config.reading, errs=config.sensor == CONE_WITH_ERRORS) == "exact"
+    return DetailSettings() if is_exact else DetailSettings.of_many_labels()
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:

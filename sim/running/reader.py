@@ -1,0 +1,181 @@
+"""A sensor whose reader errs, and how far the map trusts it: options, and what they become."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from mapping import ErrorRates, TrustSettings
+from planner import Cone
+from sim.errors import FieldError, UsageError
+
+from .case import MM
+
+if TYPE_CHECKING:
+    from sim.world.sensing.errors.reader_errors import ReaderErrors
+
+ReaderName = Literal["exact", "published"]
+LabelTrustName = Literal["exact", "told", "learnt"]
+_BLOB_SPREAD = 0.3
+"""Standard deviation of the logarithm of a false blob's radius."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReaderConfig:
+    """What the reader of the sensor cone-with-errors gets wrong, and how far labels are trusted.
+
+    A value that is given takes the place of the reader's own.
+    """
+
+    reader: ReaderName = "exact"
+    """Reader: exact (errs only as the options below say), or published (errs as published readers of liver ultrasound
+    do; docs/sensing.md has the figures)."""
+    flipped_free: float | None = None
+    """Share of free points that the reader calls tumour, each by itself."""
+    flipped_tumour: float | None = None
+    """Share of tumour points that the reader calls free, each by itself."""
+    missed_share: float | None = None
+    """Chance that a view misses a lesion of 10 mm at the surface as a whole."""
+    missed_size_power: float | None = None
+    """That chance falls by this power of the lesion's diameter; 0 for no influence."""
+    missed_per_cm: float | None = None
+    """That chance grows by exp of this times the lesion's depth [1/cm]."""
+    boundary_mm: float | None = None
+    """Standard deviation of the outline that is drawn about a lesion's true one [mm]."""
+    boundary_share: float | None = None
+    """The same as a share of the lesion's radius; both are added in squares."""
+    boundary_length_mm: float | None = None
+    """How far along the outline it is drawn too tight, or too wide, in one go [mm]."""
+    boundary_shared: float | None = None
+    """Share of the outline's variance that all views of a lesion have in common, which no further view corrects."""
+    false_blobs: float | None = None
+    """Mean number of lesions in a view that are none."""
+    false_blob_mm: float | None = None
+    """Median radius of these [mm]."""
+    penetration_mm: float | None = None
+    """Depth from which nothing comes back any more [mm]."""
+    shadowing: tuple[str, ...] = ()
+    """Names of structures behind which nothing is seen, as bone and gas hide it."""
+    tracking_mm: float | None = None
+    """Standard deviation, along each axis, of the believed place of the tip about the true one [mm]."""
+    tracking_deg: float | None = None
+    """Standard deviation, about each axis, of the believed turn of the tip about the true one [degrees]."""
+    label_trust: LabelTrustName | None = None
+    """How far the map and the planner trust labels: exact (they are never wrong), told (they know the rates at which
+    the reader errs) or learnt (they find the rates as readings come); by default learnt with the sensor
+    cone-with-errors, and exact with all others."""
+
+
+def trust_name(config: ReaderConfig, *, errs: bool) -> LabelTrustName:
+    """How far labels are trusted, in a word.
+
+    Args:
+        config: The options.
+        errs: Whether the sensor is one whose reader errs.
+    """
+    return config.label_trust or ("learnt" if errs else "exact")
+
+
+_UNITS = {
+    "missed_per_cm": ("missed_per_m", 100.0),
+    "boundary_mm": ("boundary_m", MM),
+    "boundary_length_mm": ("boundary_length_m", MM),
+    "false_blob_mm": ("false_blob_radius_m", MM),
+    "penetration_mm": ("penetration_m", MM),
+    "tracking_mm": ("tracking_m", MM),
+    "tracking_deg": ("tracking_rad", math.pi / 180.0),
+}
+"""The errors that fields become which people set in other units, and the factor to them."""
+_NOT_ERRORS = ("reader", "shadowing", "label_trust")
+
+
+def errors_given(config: ReaderConfig) -> dict[str, float]:
+    """The errors that the options name, by the fields of `ReaderErrors`."""
+    given = {}
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if field.name not in _NOT_ERRORS and value is not None:
+            name, factor = _UNITS.get(field.name, (field.name, 1.0))
+            given[name] = value * factor
+    return given
+
+
+def reader_errors(config: ReaderConfig) -> ReaderErrors:
+    """What the reader gets wrong.
+
+    Raises:
+        FieldError: A value is out of range; it names the field that people set.
+    """
+    from sim.world.sensing.errors.published import PUBLISHED
+    from sim.world.sensing.errors.reader_errors import ReaderErrors
+
+    errors = PUBLISHED if config.reader == "published" else ReaderErrors()
+    fields = {name: field for field, (name, _) in _UNITS.items()}
+    for name, value in errors_given(config).items():
+        field = fields.get(name, name)
+        try:
+            errors = dataclasses.replace(errors, **{name: value})
+        except UsageError as error:
+            must = str(error).split("` ", 1)[1].split(", not ")[0]
+            raise FieldError(field, getattr(config, field), f"{must}.") from error
+    return errors
+
+
+def check_no_reader(config: ReaderConfig, sensor: str) -> None:
+    """Refuse options of a reader with a sensor that has none.
+
+    Raises:
+        FieldError: An option of the reader is given.
+    """
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if field.name != "label_trust" and value != field.default:
+            raise FieldError(
+                field.name,
+                value,
+                f"goes only with the sensor cone-with-errors; {sensor} has no such options.",
+            )
+
+
+def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSettings | None:
+    """How far labels are trusted; None where they are taken as they are.
+
+    Args:
+        config: The options.
+        cone: What a view holds.
+        errs: Whether the sensor is one whose reader errs.
+
+    Raises:
+        FieldError: Rates are to be told of a sensor that tells none.
+    """
+    choice = trust_name(config, errs=errs)
+    if choice == "exact":
+        return None
+    if choice == "learnt":
+        return TrustSettings()
+    if not errs:
+        raise FieldError(
+            "label_trust", choice, "only the sensor cone-with-errors tells its rates. Choose exact or learnt."
+        )
+    return TrustSettings(rates=told_rates(reader_errors(config), cone), learns=False)
+
+
+def told_rates(errors: ReaderErrors, cone: Cone) -> ErrorRates:
+    """The rates at which a reader errs in the mean, as a map is told.
+
+    A place is in a false blob with the chance of their mean number times the share of the cone that one fills.
+
+    Args:
+        errors: What the reader gets wrong.
+        cone: What a view holds.
+    """
+    blob_m3 = 4.0 / 3.0 * math.pi * errors.false_blob_radius_m**3 * math.exp(4.5 * _BLOB_SPREAD**2)
+    cone_m3 = math.pi / 3.0 * cone.depth_m**3 * math.tan(cone.half_angle_rad) ** 2
+    return ErrorRates(
+        false_positive=errors.flipped_free,
+        false_negative=errors.flipped_tumour,
+        missed=min(errors.missed_share, 0.45),
+        invented=min(errors.false_blobs * blob_m3 / cone_m3, 0.45),
+    )

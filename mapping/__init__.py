@@ -24,6 +24,7 @@ from .settings import DetailSettings, MapSettings
 from .trust.error_rates import ErrorRates
 from .trust.label_trust import LabelTrust
 from .trust.settings import TrustSettings
+from .trust.teaching import teach
 from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
 __all__ = [
@@ -51,4 +52,5 @@ __all__ = [
     "log_loss",
     "make_hilbert_map",
     "precision_recall_curve",
+    "teach",
 ]

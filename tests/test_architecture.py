@@ -45,6 +45,8 @@ ROOMS = (
 WITHIN = {
     "mapping.belief": "mapping",
     "mapping.near_tumour": "mapping",
+    "mapping.trust": "mapping",
+    "sim.world.sensing.errors": "sim.world.sensing",
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "planner.stopping": "planner",

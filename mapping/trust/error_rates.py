@@ -46,3 +46,8 @@ class ErrorRates:
     def err_together(self) -> bool:
         """Whether labels of one view err together."""
         return self.missed > 0.0 or self.invented > 0.0
+
+
+PRIOR = ErrorRates(false_positive=0.002, false_negative=0.002, missed=0.08, invented=0.002)
+"""What is expected of a sensor of which nobody tells more: slips are rare, and views of lesions err as those of readers
+of ultrasound do (docs/sensing.md)."""

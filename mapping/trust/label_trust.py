@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ..labelled_points import LabelledPoints
+from ..prediction import Prediction
 from .error_rates import ErrorRates
 from .judging import N_NEIGHBOURS, judged, n_agreeing, n_together
+from .settings import TrustSettings
 
-PRIOR = ErrorRates(false_positive=0.002, false_negative=0.002, missed=0.08, invented=0.002)
-"""What is expected of a sensor of which nobody tells more: slips are rare, and views of lesions err as those of readers
-of ultrasound do (docs/sensing.md)."""
 _CASES = {"false_positive": 200.0, "false_negative": 50.0, "missed": 5.0, "invented": 1000.0}
 """How many cases the prior of each rate counts for."""
 _SURE_TUMOUR, _SURE_FREE = 0.9, 0.02
@@ -56,14 +55,16 @@ class _View:
 class LabelTrust:
     """The rates at which the sensor of one episode is believed to err; `observe` learns them."""
 
-    def __init__(self, rates: ErrorRates = PRIOR, *, learns: bool) -> None:
-        """Begins with rates.
+    def __init__(self, settings: TrustSettings | None) -> None:
+        """Begins with the rates that are told or expected.
 
         Args:
-            rates: The rates that are told; or those that are expected, where they are to be learnt.
-            learns: Whether they are to be learnt.
+            settings: How labels are trusted; None to take them as they are, which learns nothing.
         """
-        self._prior, self.rates, self.learns = rates, rates, learns
+        self.is_exact = settings is None
+        self._prior = ErrorRates() if settings is None else settings.rates
+        self.learns = settings is not None and settings.learns
+        self.rates = self._prior
         self._slips = {True: _Counts(), False: _Counts()}
         self._views: list[_View] = []
         self._place_tree: KDTree | None = None
@@ -74,22 +75,20 @@ class LabelTrust:
         Args:
             reading: What the sensor returned.
         """
-        if reading.log_odds is not None:
+        if self.is_exact or reading.log_odds is not None:
             return reading
         if self.learns:
             self._count_slips(reading)
             self._update_rates(missed=None, invented=None)
         return judged(reading.points_m, reading.is_occupied, self.rates)
 
-    def observe(
-        self, reading: LabelledPoints, points_m: NDArray[np.float64], probability: NDArray[np.float64]
-    ) -> None:
+    def observe(self, reading: LabelledPoints, points_m: NDArray[np.float64], prediction: Prediction) -> None:
         """Learns from what all readings so far, the last one included, say of the places of which the map is sure.
 
         Args:
             reading: The last reading.
             points_m: The places [m], shape (M, 3), the same ones every time.
-            probability: The probability of tumour there by now, shape (M,).
+            prediction: What the map says of them by now.
         """
         if not self.learns:
             return
@@ -97,7 +96,7 @@ class LabelTrust:
             self._place_tree = KDTree(points_m)
         if len(reading.points_m) >= N_NEIGHBOURS:
             self._views.append(_view(reading, self._place_tree, self.rates.together_m))
-        missed, invented = _Counts(), _Counts()
+        missed, invented, probability = _Counts(), _Counts(), prediction.probability
         for view in self._views:
             chance = probability[view.place]
             missed = _added(missed, chance > _SURE_TUMOUR, ~view.is_tumour, view.weight)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .error_rates import ErrorRates
-from .label_trust import PRIOR
+from .error_rates import PRIOR, ErrorRates
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,7 @@ from mapping import (
     average_precision,
     evaluate_map,
     make_hilbert_map,
+    teach,
 )
 from planner import Planner, Situation
 from sim.world.ik.result import IkResult
@@ -31,7 +32,6 @@ from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
 from .arm_motion import make_motion_model
-from .labels import labelled, teach
 from .measures import NEVER, never, note_first
 from .motion import Motion, MotionModel, ProcedureStoppedError, joined
 from .setup import Setup
@@ -91,7 +91,7 @@ class Episode:
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
         self.tumour_map = self._new_map(tumour_map, detail)
-        self.trust = None if trust is None else LabelTrust(trust.rates, learns=trust.learns)
+        self.trust = LabelTrust(trust)
         self.prediction: Prediction | None = None
         self.target: TargetBelief | None = None
         if self.truth.target is not None:
@@ -100,8 +100,7 @@ class Episode:
             raise ValueError(
                 "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
             )
-        self._plans_for_target = plans_for_target
-        self._casts_rays = casts_rays
+        self._plans_for_target, self._casts_rays = plans_for_target, casts_rays
         self._scene_state = SceneState(scene, self.data)
         self._sensor = ConeSensor() if sensor is None else sensor
         self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
@@ -175,11 +174,10 @@ class Episode:
         reading = self._read()
         self._note_seen(number)
         sensed_s = perf_counter()
-        labels = labelled(reading, self.trust)
+        labels = self.trust.judge(LabelledPoints(*reading.labels))
         auprc = self._update(labels)
-        target = None
-        if self.target is not None:
-            target = self.target.learn(number, reading, self._scene_state.T_world_probe)
+        T, own = self._scene_state.T_world_probe, self.target
+        target = own.learn(number, reading, T) if own is not None else None
         self.sensed.append(pose)
         self.readings.append(labels)
         return Step(
@@ -247,7 +245,6 @@ class Episode:
 
     @property
     def _planned_for(self) -> Episode | TargetBelief:
-        """Whose prediction and readings the planner sees."""
         return self.target if self._plans_for_target and self.target is not None else self
 
     def situation(self) -> Situation:
@@ -263,7 +260,7 @@ class Episode:
             readings=tuple(self._planned_for.readings),
             false_positive_rate=self._map_settings.false_positive_rate,
             false_negative_rate=self._map_settings.false_negative_rate,
-            missed_rate=self.trust.rates.missed if self.trust is not None else 0.0,
+            missed_rate=self.trust.rates.missed,
             sensed=tuple(self.sensed),
             skipped=frozenset(self.skipped),
             motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
@@ -280,7 +277,6 @@ class Episode:
         return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
 
     def _note_seen(self, number: int) -> None:
-        """Note the detection points that lie in the cone that was really cast."""
         T = self._scene_state.T_world_probe
         is_held = self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
         note_first(self.first_seen, number, is_held)
@@ -291,15 +287,12 @@ class Episode:
         teach(self.tumour_map, labels)
         self._predict()
         assert self.prediction is not None
-        if self.trust is not None:
-            self.trust.observe(labels, self.setup.search_points_m, self.prediction.probability)
+        self.trust.observe(labels, self.setup.search_points_m, self.prediction)
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
     def _new_map(self, make: TumourMapFactory | None, detail: DetailSettings | None) -> TumourMap | None:
         """A map before any reading, on the setup's lattices."""
-        if make is None:
-            return None
-        return make(self.setup.map_space(self._map_settings, detail))
+        return None if make is None else make(self.setup.map_space(self._map_settings, detail))
 
     def _predict(self) -> None:
         if self.tumour_map is not None:

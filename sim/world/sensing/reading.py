@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+Values = NDArray[np.float64] | None
+
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -37,6 +39,11 @@ class Reading:
         per_point = ("points_m", "is_occupied", "is_target", "log_odds", "weight")
         arrays = {name: getattr(self, name) for name in per_point if getattr(self, name) is not None}
         return replace(self, **{name: array[is_kept] for name, array in arrays.items()})
+
+    @property
+    def labels(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], Values, Values]:
+        """Points, labels, and what is said of each label: what a map learns from."""
+        return self.points_m, self.is_occupied, self.log_odds, self.weight
 
     def __post_init__(self) -> None:
         """Checks shapes and types, so that a sensor's slip shows here and not inside the map.

@@ -1,23 +1,12 @@
-"""From a reading to the map: its labels with how far they can be believed."""
+"""Teaching a map, which may be a user's own: what is known of its labels goes along where the map takes it."""
 
 from __future__ import annotations
 
 import inspect
 from typing import Any
 
-from mapping import LabelledPoints, LabelTrust, TumourMap
-from sim.world.sensing.reading import Reading
-
-
-def labelled(reading: Reading, trust: LabelTrust | None) -> LabelledPoints:
-    """The labels of a reading, by what the sensor says of them and what is believed of the sensor.
-
-    Args:
-        reading: What the sensor returned.
-        trust: How far the sensor is trusted; None where its labels are taken as they are.
-    """
-    plain = LabelledPoints(reading.points_m, reading.is_occupied, reading.log_odds, reading.weight)
-    return plain if trust is None else trust.judge(plain)
+from ..labelled_points import LabelledPoints
+from ..tumour_map import TumourMap
 
 
 def teach(tumour_map: TumourMap, labels: LabelledPoints) -> None:

@@ -32,7 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, get_blas_funcs, get_lapack_funcs
 
-from ..likelihood import Evidence, agreed_mean, bound_curvature, expected_label
+from ..likelihood import Evidence, agreed_mean, bound_curvature, expected_label, moderation
+
+_SHARE_OF_PRIOR = 0.5
+"""Share of the prior's log odds that the first labels heed where labels err together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +170,9 @@ def fit_reading(
         search_precision: The precision of the rounds before the last, from which nothing but xi is kept; the last is
             always in double.
     """
-    # With nothing but a low prior to go by, every hit would be called an error.
-    labels = expected_label(0.0, evidence.log_odds)
-    xi_squared = np.einsum("nr,nr->n", basis, basis) + agreed_mean(prior_mean, labels) ** 2
+    variance = np.einsum("nr,nr->n", basis, basis)
+    labels = first_labels(prior_mean, variance, evidence)
+    xi_squared = variance + agreed_mean(prior_mean, labels) ** 2
     short = basis.astype(search_precision, copy=False)
     posterior = posterior_given_xi(
         xi_squared, prior_mean, basis if n_iterations == 1 else short, labels, evidence.weight
@@ -189,6 +192,25 @@ def fit_reading(
         labels = expected_label(mean, evidence.log_odds)
         posterior = posterior_given_xi(xi_squared, prior_mean, now, labels, evidence.weight)
     return posterior
+
+
+def first_labels(
+    prior_mean: NDArray[np.float64], variance: NDArray[np.float64], evidence: Evidence
+) -> NDArray[np.float64]:
+    """The expected labels with which the rounds begin, shape (n,).
+
+    The rounds end next to where they begin. Labels that err by themselves speak for themselves: with nothing but a low
+    prior to go by, every hit would be called an error, also those among others. Where labels err together, each says
+    what its neighbours prove besides, and half of the prior weighs it: all of it, or none, gives worse maps.
+
+    Args:
+        prior_mean: Latent mean m at each point before the reading, shape (n,).
+        variance: The latent's variance there, shape (n,).
+        evidence: What the n labels say of their points.
+    """
+    if np.all(evidence.weight == 1.0):
+        return expected_label(0.0, evidence.log_odds)
+    return expected_label(_SHARE_OF_PRIOR * moderation(variance) * prior_mean, evidence.log_odds)
 
 
 def posterior_given_xi(

@@ -28,6 +28,8 @@ _CASES = {"false_positive": 200.0, "false_negative": 50.0, "missed": 5.0, "inven
 """How many cases the prior of each rate counts for."""
 _SURE_TUMOUR, _SURE_FREE = 0.9, 0.02
 """Probabilities beyond which the map is sure of a place."""
+_BESIDE_M = 0.008
+"""Labels of tumour within this distance of likely tumour belong to it [m]."""
 _LEAST_AGREEING = 3
 """Labels of tumour, among the 8 nearest to one, that are no slips together."""
 
@@ -44,6 +46,8 @@ class _Counts:
 class _View:
     """What one reading says of places."""
 
+    points_m: NDArray[np.float64]
+    """Where the view is sure of what it says [m], shape (n, 3)."""
     place: NDArray[np.intp]
     """The place next to each label, shape (n,)."""
     is_tumour: NDArray[np.bool_]
@@ -97,10 +101,19 @@ class LabelTrust:
         if len(reading.points_m) >= N_NEIGHBOURS:
             self._views.append(_view(reading, self._place_tree, self.rates.together_m))
         missed, invented, probability = _Counts(), _Counts(), prediction.probability
+        likely_m = points_m[probability > 0.5]
+        likely = KDTree(likely_m) if len(likely_m) else None
         for view in self._views:
             chance = probability[view.place]
-            missed = _added(missed, chance > _SURE_TUMOUR, ~view.is_tumour, view.weight)
-            invented = _added(invented, chance < _SURE_FREE, view.is_tumour, view.weight)
+            is_tumour = view.is_tumour
+            missed = _added(missed, chance > _SURE_TUMOUR, ~is_tumour, view.weight)
+            is_free = chance < _SURE_FREE
+            if likely is not None:
+                # Outlines stray a little: what lies beside a lesion is not invented.
+                called = np.flatnonzero(is_tumour & is_free)
+                gap_m, _ = likely.query(view.points_m[called], distance_upper_bound=_BESIDE_M)
+                is_free[called[np.isfinite(gap_m)]] = False
+            invented = _added(invented, is_free, is_tumour, view.weight)
         self._update_rates(missed=missed, invented=invented)
 
     def _count_slips(self, reading: LabelledPoints) -> None:
@@ -144,7 +157,7 @@ def _view(reading: LabelledPoints, places: KDTree, together_m: float) -> _View:
     is_sure = agreeing >= np.where(is_tumour, _LEAST_AGREEING, N_NEIGHBOURS)
     points_m, is_tumour = reading.points_m[is_sure], is_tumour[is_sure]
     weight = 1.0 / n_together(points_m, is_tumour, together_m)
-    return _View(np.asarray(places.query(points_m)[1], dtype=np.intp), is_tumour, weight)
+    return _View(points_m, np.asarray(places.query(points_m)[1], dtype=np.intp), is_tumour, weight)
 
 
 def _added(

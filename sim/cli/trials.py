@@ -13,6 +13,7 @@ from sim.campaign.study import Part, Study, parse_seeds
 from sim.campaign.study_file import load_study
 from sim.errors import FieldError, UsageError
 from sim.running.fields import converted
+from sim.running.reader import LabelTrustName, ReaderName
 from sim.world.motion.settings import MotionKind
 
 from .terminal import INTERRUPTED, in_flags, note, parse
@@ -47,6 +48,11 @@ class Options:
     """Planners, which may be your own as package.module:Class; by default find-and-outline."""
     sensor: tuple[str, ...] = ()
     """Sensors, which may be your own as package.module:Class; by default cone."""
+    reader: tuple[ReaderName, ...] = ()
+    """Readers of the sensor cone-with-errors: exact or published; by default exact. A study file may name each error."""
+    label_trust: tuple[LabelTrustName, ...] = ()
+    """How far labels are trusted: exact, told or learnt; by default learnt with cone-with-errors, and exact with all
+    other sensors."""
     arm: tuple[str, ...] = ()
     """Arms: default (the embedded one), none, or paths of MJCF files; by default the embedded one."""
     probe: tuple[str, ...] = ()
@@ -128,7 +134,7 @@ class Options:
         """The values of an episode's options that the command line names."""
         given: dict[str, Any] = {
             name: tuple(getattr(self, name))
-            for name in ("scenario", "planner", "sensor", "arm", "probe")
+            for name in ("scenario", "planner", "sensor", "reader", "label_trust", "arm", "probe")
             if getattr(self, name)
         }
         for name in ("steps", "until_sensed", "until_confident", "miss_cost", "motion", "map"):

@@ -49,7 +49,7 @@ class Options:
     sensor: tuple[str, ...] = ()
     """Sensors, which may be your own as package.module:Class; by default cone."""
     reader: tuple[ReaderName, ...] = ()
-    """Readers of the sensor cone-with-errors: exact or published; by default exact. A study file may name each error."""
+    """Readers of the sensor cone-with-errors: exact or published; by default exact. A study may name each error."""
     label_trust: tuple[LabelTrustName, ...] = ()
     """How far labels are trusted: exact, told or learnt; by default learnt with cone-with-errors, and exact with all
     other sensors."""

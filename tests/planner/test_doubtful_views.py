@@ -1,0 +1,83 @@
+"""find-and-outline where views may be wrong: what was looked at once may still hide, and findings are confirmed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logit
+
+from mapping import LabelledPoints
+from planner import FindAndOutline
+from planner.find_and_outline.frontier import unconfirmed_points
+from planner.find_and_outline.hidden_balls import BallPrior, hidden_balls, still_hiding
+from tests.helpers.planner_situations import box_points, flat_workspace, make_situation
+
+PLACE_M = np.array([0.0, 0.0, -0.05])
+
+
+def situation_with(probability_at_place: float, sensed: tuple[int, ...], missed_rate: float):
+    """A belief in nothing but a ball of 12 mm about one place."""
+    points = box_points()
+    is_near = np.linalg.norm(points - PLACE_M, axis=1) < 0.015
+    mean = np.where(is_near, logit(probability_at_place), logit(0.001))
+    situation = make_situation(points=points, mean=mean, variance=np.zeros(len(points)), sensed=sensed)
+    return replace(situation, missed_rate=missed_rate)
+
+
+def above(n: int) -> tuple[int, ...]:
+    """The n poses next to the one above the place."""
+    gap_m = np.linalg.norm(flat_workspace().positions_m[:, :2] - PLACE_M[:2], axis=1)
+    return tuple(int(pose) for pose in np.argsort(gap_m)[:n])
+
+
+def test_a_lesion_may_hide_where_a_view_that_misses_some_has_looked() -> None:
+    trusting, doubting = (
+        FindAndOutline().search_score(situation_with(0.001, above(1), missed)) for missed in (0.0, 0.3)
+    )
+    beside = above(2)[1]
+    assert doubting[beside] > 1.5 * trusting[beside]
+
+
+def test_a_finding_in_doubt_is_looked_at_again() -> None:
+    pose = above(2)[1]
+    exact = FindAndOutline().outline_score(situation_with(0.6, above(1), 0.0))
+    doubtful = FindAndOutline().outline_score(situation_with(0.6, above(1), 0.1))
+    assert doubtful[pose] > exact[pose]
+
+
+def test_a_finding_is_looked_at_three_times_and_no_more() -> None:
+    points_m, probability = PLACE_M[None], np.array([0.6])
+    for n_looks, is_open in ((1, True), (2, True), (3, False), (5, False)):
+        situation = situation_with(0.6, above(n_looks), 0.1)
+        assert unconfirmed_points(situation, points_m, probability, 0.007)[0] == is_open
+
+
+def test_what_is_confirmed_nearby_is_no_suspect() -> None:
+    situation = situation_with(0.6, above(1), 0.1)
+    points_m = np.array([PLACE_M, PLACE_M + 0.003])
+    assert not unconfirmed_points(situation, points_m, np.array([0.6, 0.95]), 0.007).any()
+    assert unconfirmed_points(situation, points_m, np.array([0.6, 0.7]), 0.007).all()
+
+
+def test_what_labels_leave_of_hidden_balls_is_the_product_of_what_they_say() -> None:
+    """By a plain loop over balls and points."""
+    rng = np.random.default_rng(0)
+    workspace, points = flat_workspace(), box_points()
+    cone = make_situation().cone
+    balls = hidden_balls(workspace, cone, points, None, BallPrior(n_balls=60))
+    readings = tuple(
+        LabelledPoints(
+            rng.uniform((-0.08, -0.08, -0.08), (0.08, 0.08, -0.01), (400, 3)),
+            np.zeros(400, bool),
+            np.full(400, np.log(0.3)),
+            rng.uniform(0.1, 1.0, 400),
+        )
+        for _ in range(3)
+    )
+    expected = balls.weights.astype(float)
+    for reading in readings:
+        for number, (centre_m, radius_m) in enumerate(zip(balls.centres_m, balls.radii_m, strict=True)):
+            held = np.linalg.norm(reading.points_m - centre_m, axis=1) <= radius_m
+            expected[number] *= 0.3 ** reading.weight[held].sum()
+    np.testing.assert_allclose(still_hiding(balls, readings, 0.0), expected, rtol=1e-6)

@@ -1,0 +1,101 @@
+"""The options of a reader: what they become, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import sounding
+from planner import Cone
+from sim.errors import FieldError
+from sim.running.fields import config_of
+from sim.running.parts import make_parts
+from sim.running.reader import told_rates
+from sim.world.sensing.errors.erring_sensor import ErringSensor
+from sim.world.sensing.errors.published import PUBLISHED
+from sim.world.sensing.errors.reader_errors import ReaderErrors
+
+ERRING = {"sensor": "cone-with-errors", "scenario": "sphere", "arm": "none"}
+
+
+def test_options_become_errors_in_si_units() -> None:
+    parts = make_parts(
+        config_of(
+            ERRING,
+            boundary_mm=2.0,
+            tracking_deg=3.0,
+            missed_per_cm=0.1,
+            false_blob_mm=4.0,
+            penetration_mm=70.0,
+        )
+    )
+    assert isinstance(parts.sensor, ErringSensor)
+    errors = parts.sensor.errors
+    assert errors.boundary_m == pytest.approx(0.002)
+    assert errors.tracking_rad == pytest.approx(math.radians(3.0))
+    assert errors.missed_per_m == pytest.approx(10.0)
+    assert errors.false_blob_radius_m == pytest.approx(0.004)
+    assert errors.penetration_m == pytest.approx(0.07)
+
+
+def test_an_option_takes_the_place_of_the_readers_own() -> None:
+    sensor = make_parts(config_of(ERRING, reader="published", missed_share=0.5)).sensor
+    assert isinstance(sensor, ErringSensor)
+    assert sensor.errors.missed_share == 0.5
+    assert sensor.errors.boundary_share == PUBLISHED.boundary_share
+
+
+def test_trust_is_exact_unless_the_sensor_errs() -> None:
+    assert make_parts(config_of(scenario="sphere", arm="none")).trust is None
+    assert make_parts(config_of(ERRING)).trust.learns
+    told = make_parts(config_of(ERRING, label_trust="told", flipped_free=0.05)).trust
+    assert not told.learns
+    assert told.rates.false_positive == 0.05
+    assert make_parts(config_of(ERRING, label_trust="exact")).trust is None
+
+
+def test_a_false_blob_is_told_by_its_share_of_the_cone() -> None:
+    """By drawing places in a cone and blobs about others."""
+    rng, cone = np.random.default_rng(0), Cone(math.radians(20.0), 0.1)
+    errors = ReaderErrors(false_blobs=1.0, false_blob_radius_m=0.005)
+    depth_m = 0.1 * rng.random(4000) ** (1 / 3)
+    radius_m = np.tan(cone.half_angle_rad) * depth_m * np.sqrt(rng.random(4000))
+    angle = rng.uniform(0, 2 * np.pi, 4000)
+    places_m = np.column_stack([radius_m * np.cos(angle), radius_m * np.sin(angle), depth_m])
+    blobs_m = errors.false_blob_radius_m * np.exp(0.3 * rng.standard_normal(1000))
+    share = np.mean(
+        [(np.linalg.norm(places_m - places_m[k], axis=1) < blob_m).mean() for k, blob_m in enumerate(blobs_m)]
+    )
+    # A part of a blob at the cone's face lies outside.
+    assert share < told_rates(errors, cone).invented < 1.5 * share
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"reader": "published"}, "goes only with the sensor cone-with-errors; cone has no such options"),
+        ({"boundary_mm": 1.0}, "goes only with the sensor cone-with-errors"),
+        ({**ERRING, "missed_share": 1.5}, "must be from 0 to 1"),
+        ({**ERRING, "boundary_length_mm": 0.0}, "must be above 0"),
+        ({**ERRING, "sensor_option": ("a=1",)}, "goes only with a sensor of your own"),
+        ({"label_trust": "told"}, "only the sensor cone-with-errors tells its rates"),
+        ({"sensor": "cone-with-eror"}, "Did you mean cone-with-errors?"),
+    ],
+)
+def test_what_cannot_be_is_refused(options, text) -> None:
+    with pytest.raises(FieldError, match=text.replace("?", r"\?")):
+        make_parts(config_of(options))
+
+
+def test_a_run_with_a_reader_that_errs_is_the_same_again(tmp_path) -> None:
+    summaries = [
+        sounding.run_episode(
+            **ERRING, reader="published", steps=3, out=tmp_path / name, report=False, show_progress=False
+        )
+        for name in ("one", "two")
+    ]
+    assert summaries[0]["auprc"] == summaries[1]["auprc"]
+    maps = [(tmp_path / name / "map.npz").read_bytes() for name in ("one", "two")]
+    assert maps[0] == maps[1]

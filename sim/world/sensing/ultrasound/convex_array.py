@@ -53,7 +53,15 @@ class ConvexArray:
 
     def __post_init__(self) -> None:
         """Checks that lengths are above 0, that the face is an arc, and that memory holds a plane."""
-        for name in ("depth_m", "frequency_hz", "focus_m", "aperture_m", "f_number", "height_m", "height_focus_m"):
+        for name in (
+            "depth_m",
+            "frequency_hz",
+            "focus_m",
+            "aperture_m",
+            "f_number",
+            "height_m",
+            "height_focus_m",
+        ):
             _check(name, getattr(self, name), 0.0 < getattr(self, name) < math.inf, "must be above 0.")
         _check("face_width_m", self.face_width_m, self.face_width_m > 0.0, "must be above 0.")
         remedy = f"must be at least {0.501 * self.face_width_m:g}, half of the width of the face."
@@ -62,7 +70,9 @@ class ConvexArray:
         _check("n_lines", self.n_lines, self.n_lines >= 8, "must be at least 8.")
         _check("n_samples", self.n_samples, self.n_samples >= 32, "must be at least 32.")
         needed = BYTES_PER_SAMPLE * float(self.n_lines) * float(self.n_samples)
-        remedy = f"a plane of {self.n_lines} lines takes {needed / 2**30:.1f} GiB, more than there is; name fewer."
+        remedy = (
+            f"a plane of {self.n_lines} lines takes {needed / 2**30:.1f} GiB, more than there is; name fewer."
+        )
         _check("n_samples", self.n_samples, needed <= spare_bytes(), remedy)
 
     @property

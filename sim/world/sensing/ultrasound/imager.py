@@ -1,6 +1,6 @@
 """The B-mode image of one plane, from the tissue about it to the pixels.
 
-    lines through the tissue -> echoes of boundaries and scatterers -> beam -> noise -> pulse -> gain -> log -> fan
+lines through the tissue -> echoes of boundaries and scatterers -> beam -> noise -> pulse -> gain -> log -> fan
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class Settings:
     """Dynamic range: how far below white black begins [dB]."""
     noise_db: float = -65.0
     """The receiver's noise against liver's speckle at the face [dB], which the compensation raises with depth."""
-    contact_gap_m: float = 0.005
-    """Widest gap of gel between the face and the organ [m]; a line with a wider one has lost contact and is dark."""
-    scatterer_spacing_m: float = 0.00065
+    contact_gap_m: float = 0.010
+    """Widest gap between the face and the organ [m], which gel and the soft organ fill; beyond it a line is dark."""
+    scatterer_spacing_m: float = 0.00055
     """Edge of the cube of tissue that holds one scatterer [m]."""
     tissue_seed: int = 0
     """Which scatterers the tissue has."""
@@ -121,9 +121,7 @@ class Imager:
         for what is left that of the pulse there.
         """
         array, tables = self.array, self._tables
-        shape = (array.n_lines, array.n_samples)
-        reflectances, left = np.empty(shape, np.float32), np.empty(shape, np.float32)
-        found = np.empty(shape, np.uint8)
+        echoes, left, strength = np.empty((3, array.n_samples, array.n_lines), np.float32)
         starts_m = tables.starts_m @ T_grid_plane[:3, :3].T + T_grid_plane[:3, 3]
         tissues = (*grid.tissues, TISSUES["gel"])
         losses_db = [2.0 * tissue.attenuation_db_m(array.frequency_hz) * array.sample_m for tissue in tissues]
@@ -136,15 +134,14 @@ class Imager:
             array.sample_m / grid.spacing_m,
             np.array([tissue.impedance_mrayl for tissue in tissues]),
             10.0 ** (-np.array(losses_db) / 20.0),
+            10.0 ** (np.array([tissue.backscatter_db for tissue in tissues]) / 20.0),
             int(math.ceil(self.settings.contact_gap_m / array.sample_m)),
-            reflectances,
+            echoes,
             left,
-            found,
+            strength,
         )
-        speckle = 10.0 ** (np.array([tissue.backscatter_db for tissue in tissues]) / 20.0)
-        strength = left * speckle.astype(np.float32)[found]
-        mirror = np.float32(10.0 ** (-SPECKLE_DB / 20.0))
-        return mirror * reflectances.T, np.ascontiguousarray(left.T), np.ascontiguousarray(strength.T)
+        echoes *= np.float32(10.0 ** (-SPECKLE_DB / 20.0))
+        return echoes, left, strength
 
     def scatter(
         self, T_grid_plane: NDArray[np.float64], strength: NDArray[np.float32]
@@ -174,7 +171,8 @@ class Imager:
             tables.phases,
             tables.weights,
             tables.angles_rad,
-            strength * tables.norms[:, None],
+            tables.norms,
+            strength,
             self.settings.tissue_seed,
             signal,
         )
@@ -234,7 +232,9 @@ class _Tables:
         starts_m = array.points_m(np.arange(array.n_lines), np.zeros(array.n_lines))
         slice_fwhm_m = beam.slice_fwhm_m(array, array.depths_m)
         slices_m = beam.SLICE_SIGMAS / beam.FWHM_PER_SIGMA * slice_fwhm_m
-        ends_m = np.concatenate([starts_m, array.points_m(np.arange(array.n_lines), np.full(array.n_lines, array.n_samples))])
+        ends_m = np.concatenate(
+            [starts_m, array.points_m(np.arange(array.n_lines), np.full(array.n_lines, array.n_samples))]
+        )
         thick_m = np.array([0.0, slices_m.max(), 0.0])
         cell_m2 = slice_fwhm_m * beam.lateral_fwhm_m(array, array.depths_m)
         keeps = np.round(N_KEPT * cell_m2.min() / cell_m2).astype(np.int64)

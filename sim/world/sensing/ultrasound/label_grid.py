@@ -106,7 +106,9 @@ def cut_grid(
     shape = np.ceil((high_m - low_m) / spacing_m).astype(int) + 2
     if BYTES_PER_NODE * float(np.prod(shape.astype(float))) > spare_bytes():
         size = " x ".join(map(str, shape))
-        raise FieldError("tissue_spacing_mm", spacing_m * 1e3, f"{size} nodes do not fit memory; name a larger one.")
+        raise FieldError(
+            "tissue_spacing_mm", spacing_m * 1e3, f"{size} nodes do not fit memory; name a larger one."
+        )
     painter = _Painter(low_m, spacing_m, (int(shape[0]), int(shape[1]), int(shape[2])))
     tissues = [surroundings, organ]
     painter.paint(anatomy.organ, 1)
@@ -148,7 +150,9 @@ class _Painter:
         if within is not None:
             is_body &= within[box]
         margins[...] = np.where(
-            is_body, np.maximum(share - 0.5, LEAST_MARGIN), np.minimum(margins, np.maximum(0.5 - share, LEAST_MARGIN))
+            is_body,
+            np.maximum(share - 0.5, LEAST_MARGIN),
+            np.minimum(margins, np.maximum(0.5 - share, LEAST_MARGIN)),
         )
         labels[is_body] = label
 

@@ -48,7 +48,8 @@ def gather_scatterers(
     phases: NDArray[np.float32],
     weights: NDArray[np.float32],
     angles: NDArray[np.float64],
-    gains: NDArray[np.float32],
+    norms: NDArray[np.float32],
+    strength: NDArray[np.float32],
     seed: int,
     signal: NDArray[np.float32],
 ) -> int:
@@ -67,14 +68,15 @@ def gather_scatterers(
         phases: Cosine and sine over one cycle, shape (N_PHASES, 2).
         weights: The slice's profile over the square of the share of its half thickness, shape (N_WEIGHTS,).
         angles: The angles of the sines from -1 to 1 [rad], shape (N_ANGLES + 1,).
-        gains: Amplitude with which a scatterer returns, shape (S, L).
+        norms: Amplitude of one scatterer of speckle whose mean square is 1, at each sample, shape (S,).
+        strength: Amplitude of the speckle, shape (S, L).
         seed: Which tissue of all.
         signal: In-phase and quadrature sums, shape (S, L, 2), added to.
 
     Returns:
         Number of scatterers that were used.
     """
-    n_samples, n_lines = gains.shape
+    n_samples, n_lines = strength.shape
     radius, sample, line_rad, half_rad, cycles = fan[0], fan[1], fan[2], fan[3], fan[4]
     far = radius + n_samples * sample
     steepness = T[1, 2]
@@ -123,7 +125,7 @@ def gather_scatterers(
                     continue
                 line = int(beside)
                 part = np.float32(beside - line)
-                amplitude = gains[s, int(beside + 0.5)] * weights[int(share * N_WEIGHTS)]
+                amplitude = norms[s] * strength[s, int(beside + 0.5)] * weights[int(share * N_WEIGHTS)]
                 turn = depth * cycles
                 phase = int((turn - math.floor(turn)) * N_PHASES) & (N_PHASES - 1)
                 in_phase, quadrature = amplitude * phases[phase, 0], amplitude * phases[phase, 1]

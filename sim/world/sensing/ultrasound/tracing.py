@@ -20,30 +20,36 @@ SPECULAR_RAD = 0.35
 
 
 @compiled
+def label_between(labels, margins, i, j, k, u, v, w):  # noqa: ANN001, ANN201
+    """The label with the largest sum of margins at a place of a cell whose corners differ."""
+    best, best_sum = 0, -1.0
+    for corner in range(8):
+        candidate = labels[i + (corner & 1), j + ((corner >> 1) & 1), k + (corner >> 2)]
+        if candidate == best and corner > 0:
+            continue
+        total = 0.0
+        for other in range(8):
+            a, b, c = other & 1, (other >> 1) & 1, other >> 2
+            if labels[i + a, j + b, k + c] == candidate:
+                weight = (u if a else 1.0 - u) * (v if b else 1.0 - v) * (w if c else 1.0 - w)
+                total += weight * margins[i + a, j + b, k + c]
+        if total > best_sum:
+            best, best_sum = int(candidate), total
+    return best
+
+
+@compiled
 def label_at(cells, labels, margins, x, y, z):  # noqa: ANN001, ANN201
     """The label at a point given in spacings from the first node; 0 beyond the grid."""
     if not (x >= 0.0 and y >= 0.0 and z >= 0.0):
         return 0
-    i, j, k = int(x), int(y), int(z)
+    i, j, k = np.uint32(x), np.uint32(y), np.uint32(z)
     if i >= cells.shape[0] or j >= cells.shape[1] or k >= cells.shape[2]:
         return 0
     label = int(cells[i, j, k])
     if label != MIXED:
         return label
-    u, v, w = x - i, y - j, z - k
-    best, best_sum = 0, -1.0
-    for corner in range(8):
-        a, b, c = corner & 1, (corner >> 1) & 1, corner >> 2
-        candidate = labels[i + a, j + b, k + c]
-        total = 0.0
-        for other in range(8):
-            d, e, f = other & 1, (other >> 1) & 1, other >> 2
-            if labels[i + d, j + e, k + f] == candidate:
-                weight = (u if d else 1.0 - u) * (v if e else 1.0 - v) * (w if f else 1.0 - w)
-                total += weight * margins[i + d, j + e, k + f]
-        if total > best_sum:
-            best, best_sum = int(candidate), total
-    return best
+    return label_between(labels, margins, int(i), int(j), int(k), x - i, y - j, z - k)
 
 
 @compiled
@@ -70,6 +76,13 @@ def incidence_cosine(labels, margins, x, y, z, direction, label):  # noqa: ANN00
 
 
 @compiled
+def directivity(cosine):  # noqa: ANN001, ANN201
+    """Share of a boundary's echo that comes back at an angle of incidence of this cosine: a mirror's and a rough one's."""
+    angle = math.acos(min(cosine, 1.0)) / SPECULAR_RAD
+    return SPECULAR_SHARE * math.exp(-angle * angle) + (1.0 - SPECULAR_SHARE) * cosine
+
+
+@compiled
 def trace_lines(
     cells: NDArray[np.uint8],
     labels: NDArray[np.uint8],
@@ -79,12 +92,13 @@ def trace_lines(
     step: float,
     impedances: NDArray[np.float64],
     step_losses: NDArray[np.float64],
+    speckle: NDArray[np.float64],
     n_coupling: int,
-    reflectances: NDArray[np.float32],
+    echoes: NDArray[np.float32],
     left: NDArray[np.float32],
-    found: NDArray[np.uint8],
+    strength: NDArray[np.float32],
 ) -> None:
-    """Follows each line and writes what returns from the boundaries, what is left of it, and what it runs through.
+    """Follows each line and writes what returns from the boundaries, what is left, and how strong speckle is.
 
     Args:
         cells: See `LabelGrid`.
@@ -95,39 +109,46 @@ def trace_lines(
         step: Distance of samples, in spacings.
         impedances: Impedance by label [MRayl]; the last is that of gel.
         step_losses: Factor by which amplitude falls over a step, there and back, by label.
+        speckle: Amplitude of speckle by label, that of liver being 1.
         n_coupling: Samples of gel that may lie between the face and the organ.
-        reflectances: Output, amplitude of the echoes of boundaries against that of a perfect mirror, shape (L, S).
-        left: Output, amplitude of what comes back from a perfect mirror at each sample, shape (L, S).
-        found: Output, label of each sample; that of gel before the organ, shape (L, S).
+        echoes: Output, amplitude of the echoes of boundaries against that of a perfect mirror at the face, shape (S, L).
+        left: Output, amplitude of what comes back from a perfect mirror at each sample, shape (S, L).
+        strength: Output, amplitude of speckle at each sample, shape (S, L).
     """
-    n_lines, n_samples = left.shape
+    n_samples, n_lines = left.shape
     gel = impedances.shape[0] - 1
-    for line in range(n_lines):
-        x, y, z = starts[line, 0], starts[line, 1], starts[line, 2]
-        dx, dy, dz = step * directions[line, 0], step * directions[line, 1], step * directions[line, 2]
-        amplitude, last, is_coupled = 1.0, gel, False
-        for sample in range(n_samples):
+    amplitudes = np.ones(n_lines)
+    last = np.full(n_lines, gel)
+    is_coupled = np.zeros(n_lines, dtype=np.bool_)
+    # Sample by sample, so that what is written lies together.
+    for sample in range(n_samples):
+        way = sample * step
+        for line in range(n_lines):
+            x = starts[line, 0] + way * directions[line, 0]
+            y = starts[line, 1] + way * directions[line, 1]
+            z = starts[line, 2] + way * directions[line, 2]
             label = label_at(cells, labels, margins, x, y, z)
-            if not is_coupled:
+            amplitude = amplitudes[line]
+            if not is_coupled[line]:
                 if label != 0:
-                    is_coupled = True
+                    is_coupled[line] = True
                 else:
                     label = gel
                     if sample >= n_coupling:
                         amplitude = 0.0
             echo = 0.0
-            if label != last and amplitude > 0.0:
-                ratio = (impedances[label] - impedances[last]) / (impedances[label] + impedances[last])
-                cosine = incidence_cosine(labels, margins, x, y, z, directions[line], 0 if label == gel else label)
-                angle = math.acos(min(cosine, 1.0)) / SPECULAR_RAD
-                echo = amplitude * abs(ratio) * (
-                    SPECULAR_SHARE * math.exp(-angle * angle) + (1.0 - SPECULAR_SHARE) * cosine
+            if label != last[line]:
+                before = impedances[last[line]]
+                ratio = (impedances[label] - before) / (impedances[label] + before)
+                cosine = incidence_cosine(
+                    labels, margins, x, y, z, directions[line], 0 if label == gel else label
                 )
+                echo = amplitude * abs(ratio) * directivity(cosine)
                 # Through the boundary and back through it: (1 - R)(1 - R) of the energy with R = ratio^2.
                 amplitude *= 1.0 - ratio * ratio
-                last = label
+                last[line] = label
             amplitude *= step_losses[label]
-            reflectances[line, sample] = echo
-            left[line, sample] = amplitude
-            found[line, sample] = label
-            x, y, z = x + dx, y + dy, z + dz
+            amplitudes[line] = amplitude
+            echoes[sample, line] = echo
+            left[sample, line] = amplitude
+            strength[sample, line] = amplitude * speckle[label]

@@ -41,6 +41,7 @@ EXTRAS = {
     ),
     "dask": Extra("distributed", "distributed", "campaigns on Dask (`sounding trials --engine dask`)"),
     "ray": Extra("ray", "ray", "campaigns on Ray (`sounding trials --engine ray`)"),
+    "ultrasound": Extra("numba", "numba", "ultrasound (`--sensor ultrasound`, `sounding image`)"),
     "gym": Extra("gymnasium", "gymnasium", "the environments for learning (`sim.gym`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .sweep import Sweep
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +24,8 @@ class Reading:
     """Pose of the probe's tip at which the sensor looked, shape (4, 4)."""
     is_target: NDArray[np.bool_] | None = None
     """Whether the sensor takes each point for a body of the second class, shape (N,); None without such a class."""
+    images: Sweep | None = None
+    """The pictures that the reading was made of; None of a sensor that draws none."""
 
     def __post_init__(self) -> None:
         """Checks shapes and types, so that a sensor's slip shows here and not inside the map.

@@ -81,5 +81,5 @@ def lateral_kernels(array: ConvexArray) -> tuple[NDArray[np.float32], NDArray[np
 
 
 def _gaussian(sigma: float) -> NDArray[np.float32]:
-    half = max(int(math.ceil(TAIL_SIGMAS * sigma)), 1)
+    half = max(math.ceil(TAIL_SIGMAS * sigma), 1)
     return np.exp(-0.5 * (np.arange(-half, half + 1) / sigma) ** 2).astype(np.float32)

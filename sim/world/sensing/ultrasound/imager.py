@@ -98,6 +98,11 @@ class Imager:
     def _tables(self) -> _Tables:
         return _Tables.of(self.array, self.settings)
 
+    @property
+    def gains(self) -> NDArray[np.float32]:
+        """The time-gain compensation at each sample, as a factor of the amplitude, shape (n_samples,)."""
+        return self._tables.gains
+
     def plane(self, grid: LabelGrid, T_grid_plane: NDArray[np.float64], noise_seed: int = 0) -> Plane:
         """The image of a plane.
 
@@ -135,7 +140,7 @@ class Imager:
             np.array([tissue.impedance_mrayl for tissue in tissues]),
             10.0 ** (-np.array(losses_db) / 20.0),
             10.0 ** (np.array([tissue.backscatter_db for tissue in tissues]) / 20.0),
-            int(math.ceil(self.settings.contact_gap_m / array.sample_m)),
+            math.ceil(self.settings.contact_gap_m / array.sample_m),
             echoes,
             left,
             strength,

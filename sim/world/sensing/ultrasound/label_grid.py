@@ -1,9 +1,9 @@
 """Which tissue lies where: a grid of labels with smooth boundaries, cut once from the surfaces of a scene.
 
-A node holds the label that fills most of the cell about it, and by how much that is more than half of it, its margin. At
-a point between nodes each label adds up the margins of the corners that have it, weighted as in trilinear
+A node holds the label that fills most of the cell about it, and by how much that is more than half of it, its margin.
+At a point between nodes each label adds up the margins of the corners that have it, weighted as in trilinear
 interpolation, and the label with the largest sum is the point's. Where two labels meet this is the level set of the
-share that one of them fills: boundaries are smooth to a fraction of the spacing, and no label needs a field of its own.
+share that one of them fills: boundaries are smooth to a fraction of the spacing, and no label needs its own field.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from sim.errors import FieldError
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.memory import spare_bytes
+from sim.world.meshes.topology import is_closed
 from sim.world.solids.solid import Solid
+from sim.world.solids.surface_distance import SurfaceDistance
 
 from .tissues import DEFAULT_STRUCTURE, Tissue
 
@@ -144,16 +146,18 @@ class _Painter:
         if (first >= last).any():
             return
         box = tuple(slice(int(a), int(b)) for a, b in zip(first, last, strict=True))
-        share = self._shares(solid, first, last)
+        share = (
+            self._shares(solid, first, last) if is_closed(solid.faces) else self._shell(solid, first, last)
+        )
         labels, margins = self.labels[box], self.margins[box]
         is_body = share >= 0.5
         if within is not None:
             is_body &= within[box]
-        margins[...] = np.where(
-            is_body,
-            np.maximum(share - 0.5, LEAST_MARGIN),
-            np.minimum(margins, np.maximum(0.5 - share, LEAST_MARGIN)),
-        )
+        # Bodies of one tissue that overlap are one body.
+        is_same = labels == label
+        inside = np.maximum(share - 0.5, np.where(is_same, margins, LEAST_MARGIN))
+        outside = np.where(is_same, margins, np.minimum(margins, np.maximum(0.5 - share, LEAST_MARGIN)))
+        margins[...] = np.where(is_body, inside, outside)
         labels[is_body] = label
 
     def _shares(self, solid: Solid, first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.float32]:
@@ -173,6 +177,13 @@ class _Painter:
             parts = is_in.reshape(SUBSAMPLES, shape[1], SUBSAMPLES, shape[2], SUBSAMPLES)
             share[i] = parts.mean(axis=(0, 2, 4), dtype=np.float32)
         return share
+
+    def _shell(self, solid: Solid, first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.float32]:
+        """1 for each node nearer to an open surface than the spacing, which has no inside, and 0 for all others."""
+        axes_m = [self._origin_m[i] + self._spacing_m * np.arange(first[i], last[i]) for i in range(3)]
+        nodes_m = np.stack(np.meshgrid(*axes_m, indexing="ij"), axis=-1)
+        distance_m = SurfaceDistance(solid).distance_m(nodes_m.reshape(-1, 3))
+        return (distance_m < self._spacing_m).astype(np.float32).reshape(nodes_m.shape[:3])
 
 
 def _cells_of(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,9 +1,9 @@
 """The compiled loop that gathers the echoes of the scatterers about a plane.
 
-The tissue is divided into cubes, each of which holds one scatterer. A hash of the cube's three numbers says where in it
-the scatterer lies, so that a place has the same scatterers from wherever it is looked
-at, and nothing has to be kept. The scatterers' echoes are added with their phase, 4 pi r / wavelength of the way there and
-back, which makes the speckle: Wagner et al., IEEE Trans. Sonics Ultrason. 30 (1983) 156-163.
+The tissue is divided into cubes, each of which holds one scatterer. A hash of the cube's three numbers says where in
+it the scatterer lies, so that a place has the same scatterers from wherever it is looked at, and nothing has to be
+kept. The scatterers' echoes are added with their phase, 4 pi r / wavelength for the way there and back, which makes
+the speckle: Wagner et al., IEEE Trans. Sonics Ultrason. 30 (1983) 156-163.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def gather_scatterers(
             keep = np.uint64(keeps[middle])
             reach = half / abs(steepness) + 1.0
             row = np.uint64(p) * factors[0] ^ np.uint64(q) * factors[1]
-            for r in range(int(math.floor(r0 - reach)), int(math.ceil(r0 + reach))):
+            for r in range(math.floor(r0 - reach), math.ceil(r0 + reach)):
                 h = mixed((row ^ np.uint64(r) * factors[2]) + np.uint64(seed))
                 if (h & BITS) >= keep:
                     continue

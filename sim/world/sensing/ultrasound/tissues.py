@@ -1,10 +1,11 @@
 """How tissues sound: impedance, attenuation and backscatter, and which tissue a structure's name means.
 
 Impedances and attenuations of liver, fat, blood, muscle and bone are those of the material table of NVIDIA's Isaac for
-Healthcare ray tracer (raysim), the attenuation of liver agrees with 0.47-0.52 dB/cm/MHz measured in vivo (Parker et al.,
-Ultrasound Med Biol 1988; Wilson et al. 1984). The attenuation of tumours is that of primary ones, 0.87 dB/cm/MHz
-(Ultrasound Med Biol 2021). Backscatter has no agreed table: it is the contrast to liver that a picture shows, and the
-values here are choices of what a sonographer calls by the name.
+Healthcare ray tracer (raysim). The attenuation of liver agrees with the 0.47-0.52 dB/cm/MHz measured in vivo (PubMed
+3279691 and 6539974), and that of tumours is of primary ones (Ultrasound Med Biol 2021). Impedances of tumours, of what
+is soft, of fluid, gel and gas, and the attenuation of calcifications, which have to shadow, are choices near these.
+Backscatter has no agreed table: it is the contrast to liver that a picture shows, and the values are choices of what
+a sonographer calls by the name.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ TISSUES = _table(
     ("fat", 1.38, 0.63, 3.0),
     ("muscle", 1.70, 1.09, -4.0),
     ("bone", 7.80, 5.00, 6.0),
-    ("calcification", 5.00, 5.00, 12.0),
+    ("calcification", 5.00, 10.00, 12.0),
     ("gas", 0.0004, 12.0, 0.0),
 )
 """The tissues by name. Fluid is bile and what fills a cyst; gel couples the array's face to the organ."""

@@ -1,7 +1,6 @@
 """The compiled loop that follows the lines of a plane through the tissue."""
 
 # numba compiles these functions, which take many arrays and no objects.
-# ruff: noqa: PLR0913
 
 from __future__ import annotations
 
@@ -77,7 +76,7 @@ def incidence_cosine(labels, margins, x, y, z, direction, label):  # noqa: ANN00
 
 @compiled
 def directivity(cosine):  # noqa: ANN001, ANN201
-    """Share of a boundary's echo that comes back at an angle of incidence of this cosine: a mirror's and a rough one's."""
+    """Share of a boundary's echo that comes back at an angle of incidence of this cosine."""
     angle = math.acos(min(cosine, 1.0)) / SPECULAR_RAD
     return SPECULAR_SHARE * math.exp(-angle * angle) + (1.0 - SPECULAR_SHARE) * cosine
 
@@ -111,7 +110,7 @@ def trace_lines(
         step_losses: Factor by which amplitude falls over a step, there and back, by label.
         speckle: Amplitude of speckle by label, that of liver being 1.
         n_coupling: Samples of gel that may lie between the face and the organ.
-        echoes: Output, amplitude of the echoes of boundaries against that of a perfect mirror at the face, shape (S, L).
+        echoes: Output, echoes of boundaries as amplitudes, that of a perfect mirror at the face being 1, shape (S, L).
         left: Output, amplitude of what comes back from a perfect mirror at each sample, shape (S, L).
         strength: Output, amplitude of speckle at each sample, shape (S, L).
     """

@@ -18,6 +18,7 @@ from sim.suggestions import did_you_mean
 from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
+from .ultrasound import UltrasoundConfig
 
 Frames = Literal["each", "last", "none"]
 MapName = Literal["paper", "calibrated"]
@@ -26,8 +27,8 @@ ALWAYS, WHEN_NEEDED = "always", "when-needed"
 """The choices of when the built-in map is kept."""
 DEFAULT_PROBE = "default"
 """The name of the embedded probe."""
-CONE = "cone"
-"""The name of the paper's sensor, which is exact."""
+CONE, ULTRASOUND = "cone", "ultrasound"
+"""The names of the paper's sensor, which is exact, and of the one that draws pictures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,8 +196,8 @@ class EpisodeConfig:
     multi-resolution, greedy-coverage, upper-confidence-bound, probability-of-improvement, thompson-sampling,
     mutual-information, expected-volume), or your own planner as package.module:Class."""
     sensor: str = CONE
-    """What turns a contact into a reading: cone (the paper's, which is exact), or your own sensor as
-    package.module:Class."""
+    """What turns a contact into a reading: cone (the paper's, which is exact), ultrasound (a sweep of B-mode pictures),
+    or your own sensor as package.module:Class."""
     steps: int = 30
     """Largest number of sensing actions, from 1 to 14400."""
     until_sensed: float | None = None
@@ -226,6 +227,7 @@ class EpisodeConfig:
     case: CaseConfig = field(default_factory=CaseConfig)
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
     sensing: SensingConfig = field(default_factory=SensingConfig)
+    ultrasound: UltrasoundConfig = field(default_factory=UltrasoundConfig)
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     find_and_outline: FindAndOutlineConfig = field(default_factory=FindAndOutlineConfig)
     expected_improvement: ExpectedImprovementConfig = field(default_factory=ExpectedImprovementConfig)
@@ -273,8 +275,9 @@ class EpisodeConfig:
             raise FieldError(
                 "planner", self.planner, f"{remedy}{did_you_mean(self.planner, planner_names())}"
             )
-        if self.sensor != CONE and not is_plug(self.sensor, SENSOR):
-            raise FieldError("sensor", self.sensor, f"choose {CONE}, or name yours as package.module:Class.")
+        if self.sensor not in (CONE, ULTRASOUND) and not is_plug(self.sensor, SENSOR):
+            remedy = f"choose {CONE} or {ULTRASOUND}, or name yours as package.module:Class."
+            raise FieldError("sensor", self.sensor, remedy)
         if kept not in (ALWAYS, WHEN_NEEDED) and not is_plug(kept, MAP):
             raise FieldError(
                 "map", kept, f"choose {ALWAYS} or {WHEN_NEEDED}, or name your map as package.module:Class."

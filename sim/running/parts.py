@@ -26,8 +26,9 @@ from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 from .arm_place import arm_of, probe_of
 from .case import MM, scenario_changes
-from .config import ALWAYS, CONE, WHEN_NEEDED, EpisodeConfig
+from .config import ALWAYS, CONE, ULTRASOUND, WHEN_NEEDED, EpisodeConfig
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
+from .ultrasound import ultrasound_sensor_of
 
 if TYPE_CHECKING:
     from sim.world.probes.probe import ProbeModel
@@ -149,6 +150,8 @@ def check_config(config: EpisodeConfig) -> None:
     scenario_of(config)
     motion_settings_of(config)
     servo_settings_of(config)
+    if config.sensor == ULTRASOUND:
+        sensor_of(config)
     if config.planner in planner_names():
         planner = planner_of(config)
         _check_stops(config, planner)
@@ -256,13 +259,13 @@ def sensor_of(config: EpisodeConfig) -> Sensor:
     """The sensor of a configuration, with its options.
 
     Raises:
-        PlugError: The sensor cannot be made.
+        PlugError, UsageError, WorldError: The sensor cannot be made.
     """
     from sim.world.sensing.cone_sensor import ConeSensor
 
-    if config.sensor == CONE:
-        _refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {CONE}")
-        return ConeSensor()
+    if config.sensor in (CONE, ULTRASOUND):
+        _refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {config.sensor}")
+        return ConeSensor() if config.sensor == CONE else ultrasound_sensor_of(config.ultrasound)
     return _own(config.sensor, SENSOR, config.sensing.sensor_option)
 
 

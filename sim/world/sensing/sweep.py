@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+KeptPlanes = Literal["middle", "all", "none"]
+"""Which pictures of a sweep are kept."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,7 +64,7 @@ class ConvexArray:
         ):
             _check(name, getattr(self, name), 0.0 < getattr(self, name) < math.inf, "must be above 0.")
         _check("face_width_m", self.face_width_m, self.face_width_m > 0.0, "must be above 0.")
-        remedy = f"must be at least {0.501 * self.face_width_m:g}, half of the width of the face."
+        remedy = "must be more than half of the width of the face, whose arc it is."
         _check("radius_m", self.radius_m, 0.501 * self.face_width_m <= self.radius_m < math.inf, remedy)
         _check("bandwidth", self.bandwidth, 0.1 <= self.bandwidth <= 1.5, "must be from 0.1 to 1.5.")
         _check("n_lines", self.n_lines, self.n_lines >= 8, "must be at least 8.")

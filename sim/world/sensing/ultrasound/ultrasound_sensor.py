@@ -95,7 +95,7 @@ class UltrasoundSensor(Sensor):
         needed = float(self.n_planes) * float(self.settings.n_pixels) ** 2
         if needed > spare_bytes():
             problem = (
-                f"a sweep of {self.n_planes} pictures takes {needed / 2**30:.0f} GiB, more than there is."
+                f"{self.n_planes} pictures take {needed / 2**30:.0f} GiB, more than there is; name fewer."
             )
             raise FieldError("image_pixels", self.settings.n_pixels, problem)
 

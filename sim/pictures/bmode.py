@@ -21,6 +21,8 @@ TICK_M = 0.01
 TICKS_A_NUMBER = 5
 """Marks from one number of the scale to the next."""
 MARK_INK = (150, 156, 164)
+SCALE_PX = 72
+"""Width of the scale."""
 MARK_PX, MARK_SIZE_PX = 6, 13
 """Length of a mark and height of the numbers beside them."""
 
@@ -66,11 +68,13 @@ def bmode_panel(sweep: Sweep, height_px: int) -> NDArray[np.uint8]:
     """
     size_px = height_px - CAPTION_PX
     picture = Image.fromarray(sweep.images[sweep.middle]).resize((size_px, size_px), Image.Resampling.LANCZOS)
-    panel = Image.new("RGB", (size_px, height_px))
-    panel.paste(picture.convert("RGB"), (0, CAPTION_PX))
+    panel = Image.new("RGB", (SCALE_PX + size_px, height_px))
+    panel.paste(picture.convert("RGB"), (SCALE_PX, CAPTION_PX))
     draw = ImageDraw.Draw(panel)
-    draw.rectangle((0, 0, size_px, CAPTION_PX - 1), fill=PAPER)
-    text = f"ultrasound   ·   plane {sweep.middle + 1} of {len(sweep.images)}"
+    draw.rectangle((0, 0, panel.width, CAPTION_PX - 1), fill=PAPER)
+    text = "ultrasound"
+    if len(sweep.images) > 1:
+        text += f"   ·   plane {sweep.middle + 1} of {len(sweep.images)}"
     draw.text((20, CAPTION_PX // 2), text, font=label_font(CAPTION_SIZE_PX), fill=INK, anchor="lm")
     px_per_m = size_px / (sweep.pixel_m * sweep.images.shape[1])
     for mark in range(int((sweep.images.shape[1] * sweep.pixel_m + sweep.top_m) / TICK_M) + 1):

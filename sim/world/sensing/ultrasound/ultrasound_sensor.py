@@ -68,6 +68,8 @@ class UltrasoundSensor(Sensor):
     """Planes of a sweep."""
     half_sweep_rad: float | None = None
     """Angle of the first and the last plane to the beam [rad]; None for the cone's half-angle."""
+    middle_rock_rad: float = 0.0
+    """Angle to the beam of the middle of the sweep [rad], and so that of a single plane."""
     n_points: int = 1500
     """Points on all planes together, of which a reading has those that were seen and lie in the organ."""
     seen_db: float = 60.0
@@ -135,6 +137,7 @@ class UltrasoundSensor(Sensor):
         """Where the planes of a sweep lie: the pose of the tip, rocked about its x, shape (n_planes, 4, 4)."""
         half_rad = self.half_sweep_rad if self.half_sweep_rad is not None else state.cone.half_angle_rad
         rock_rad = np.linspace(-half_rad, half_rad, self.n_planes) if self.n_planes > 1 else np.zeros(1)
+        rock_rad = rock_rad + self.middle_rock_rad
         T = np.tile(np.eye(4), (self.n_planes, 1, 1))
         T[:, 1, 1] = T[:, 2, 2] = np.cos(rock_rad)
         T[:, 1, 2], T[:, 2, 1] = -np.sin(rock_rad), np.sin(rock_rad)

@@ -52,6 +52,7 @@ WITHIN = {
     "sim.comparison.lesions": "sim.comparison",
     "sim.bound.check": "sim.bound",
     "sim.cli.studies": "sim.cli",
+    "sim.cli.sensing": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
     "sim.world.sensing.ultrasound": "sim.world.sensing",
 }

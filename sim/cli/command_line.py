@@ -26,7 +26,7 @@ COMMANDS = {
     "compare": "compare",
     "reach": "reach",
     "ik": "ik",
-    "image": "image",
+    "image": "sensing.image",
     "replay": "replay",
     "report": "report",
     "view": "view",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -81,8 +82,9 @@ def ultrasound_sensor_of(own: UltrasoundConfig) -> UltrasoundSensor:
             radius_m=own.array_radius_mm * MM,
             frequency_hz=own.frequency_mhz * 1e6,
             focus_m=own.focus_mm * MM,
-            **({} if own.image_depth_mm is None else {"depth_m": own.image_depth_mm * MM}),
         )
+        if own.image_depth_mm is not None:
+            array = dataclasses.replace(array, depth_m=own.image_depth_mm * MM)
         settings = Settings(
             gain_db=own.gain_db,
             tgc_db_cm_mhz=own.tgc_db_cm_mhz,

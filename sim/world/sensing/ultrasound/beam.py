@@ -4,9 +4,10 @@ All three are Gaussians of a scatterer's amplitude. Widths are full widths at ha
 
 The beam of an aperture D, focused at a depth f, is as wide at a depth z as diffraction and defocus make it,
 
-    one way     w = sqrt((1.206 lambda z / D)^2 + (D (1 - z / f))^2),
+    one way     w = sqrt((1.206 lambda z / D)^2 + (0.68 D (1 - z / f))^2),
 
-of which 1.206 lambda z / D is the exact width of the far field of a slit, sinc(D x / (lambda z)) = 1/2. The receiving
+of which 1.206 lambda z / D is the exact width of the far field of a slit, sinc(D x / (lambda z)) = 1/2, and
+0.68 D (1 - z / f) that of the Gaussian with the standard deviation of the width that rays light. The receiving
 aperture is focused at every depth and grows with it up to D, so that it has no defocus. The way out and the way back
 multiply, and a product of Gaussians has 1 / w^2 = 1 / w_out^2 + 1 / w_back^2. Szabo, Diagnostic Ultrasound Imaging,
 2nd ed., 2014, chapters 6 and 7.
@@ -25,6 +26,8 @@ SINC_HALF_WIDTH = 1.206
 """Full width of sinc(x) = sin(pi x) / (pi x) at half of its height."""
 FWHM_PER_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 """Full width at half height of a Gaussian of standard deviation 1."""
+LIT_SHARE = FWHM_PER_SIGMA / math.sqrt(12.0)
+"""Full width of a Gaussian with the standard deviation of an even distribution of width 1: 0.68."""
 TAIL_SIGMAS = 3.0
 """Gaussians across and along the lines are cut here."""
 SLICE_SIGMAS = 2.0
@@ -43,7 +46,7 @@ def pulse_fwhm_m(array: ConvexArray) -> float:
 def transmit_fwhm_m(array: ConvexArray, depths_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Width of the transmitted beam across the lines [m], in the shape of the depths."""
     diffraction_m = SINC_HALF_WIDTH * array.wavelength_m * depths_m / array.aperture_m
-    return np.hypot(diffraction_m, array.aperture_m * (1.0 - depths_m / array.focus_m))
+    return np.hypot(diffraction_m, LIT_SHARE * array.aperture_m * (1.0 - depths_m / array.focus_m))
 
 
 def lateral_fwhm_m(array: ConvexArray, depths_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -56,7 +59,8 @@ def lateral_fwhm_m(array: ConvexArray, depths_m: NDArray[np.float64]) -> NDArray
 def slice_fwhm_m(array: ConvexArray, depths_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Thickness of the slice through the plane [m], in the shape of the depths; one lens serves both ways."""
     diffraction_m = SINC_HALF_WIDTH * array.wavelength_m * depths_m / array.height_m
-    one_way_m = np.hypot(diffraction_m, array.height_m * (1.0 - depths_m / array.height_focus_m))
+    lit_m = LIT_SHARE * array.height_m * (1.0 - depths_m / array.height_focus_m)
+    one_way_m = np.hypot(diffraction_m, lit_m)
     return one_way_m / math.sqrt(2.0)
 
 

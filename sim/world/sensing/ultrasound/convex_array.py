@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sim.errors import FieldError
 from sim.world.memory import spare_bytes
@@ -103,17 +103,17 @@ class ConvexArray:
     @property
     def depths_m(self) -> NDArray[np.float64]:
         """Depths of the samples below the face, shape (n_samples,) [m]."""
-        return (np.arange(self.n_samples) + 0.5) * self.sample_m
+        return (np.arange(self.n_samples, dtype=np.float64) + 0.5) * self.sample_m
 
-    def points_m(self, lines: NDArray[np.float64], samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points_m(self, lines: ArrayLike, samples: ArrayLike) -> NDArray[np.float64]:
         """Where samples lie in the plane [m], shape (..., 3).
 
         Args:
             lines: Numbers of lines, not necessarily whole, any shape.
             samples: Numbers of samples on them, in the same shape.
         """
-        angle_rad = np.asarray(lines) * self.line_rad - self.half_angle_rad
-        range_m = self.radius_m + (np.asarray(samples) + 0.5) * self.sample_m
+        angle_rad = np.asarray(lines, dtype=np.float64) * self.line_rad - self.half_angle_rad
+        range_m = self.radius_m + (np.asarray(samples, dtype=np.float64) + 0.5) * self.sample_m
         x_m, z_m = range_m * np.sin(angle_rad), range_m * np.cos(angle_rad) - self.radius_m
         return np.stack([x_m, np.zeros_like(x_m), z_m], axis=-1)
 

@@ -167,7 +167,7 @@ class Imager:
         signal = np.zeros((array.n_samples, array.n_lines, 2), np.float32)
         cycles = 2.0 / array.wavelength_m
         gather_scatterers(
-            np.ascontiguousarray(np.linalg.inv(T_cube_plane)[:3][:, [*order, 3]]),
+            np.ascontiguousarray(np.linalg.inv(T_cube_plane)[:3][:, [*order, 3]], dtype=np.float64),
             box.astype(np.int64),
             FACTORS[order],
             np.array([array.radius_m, array.sample_m, array.line_rad, array.half_angle_rad, cycles]),

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from sim.cli.terminal import parse
 from sim.errors import FieldError
 from sim.record.default_folders import file_part, first_path
 from sim.running.case import MM, AnatomyConfig, CaseConfig
 from sim.running.config import ULTRASOUND, EpisodeConfig, SensingConfig
 from sim.running.parts import scenario_of
 from sim.running.ultrasound import UltrasoundConfig, ultrasound_sensor_of
-
-from .terminal import parse
 
 EXAMPLES = """
 sounding image

@@ -15,22 +15,26 @@ def spread_across(
     signal: NDArray[np.float32],
     kernels: NDArray[np.float32],
     counts: NDArray[np.int64],
-    out: NDArray[np.float32],
+    noise: NDArray[np.float32],
+    offset: int,
 ) -> None:
-    """Spreads each sample's echoes over the lines by the beam's profile at its depth.
+    """Spreads each sample's echoes over the lines by the beam's profile at its depth, and adds the receiver's noise.
 
     Args:
-        signal: Echoes in phase and in quadrature by turns, shape (S, 2 L).
+        signal: Echoes in phase and in quadrature by turns, shape (S, 2 L), changed in place.
         kernels: Right halves of the profiles, the middle first, shape (S, K).
         counts: How many values of each count, shape (S,).
-        out: Output, shape (S, 2 L).
+        noise: A table of noise, shape (N,), of which a row of echoes takes a run that begins anywhere.
+        offset: Where in the table to begin.
     """
     n_samples, n_values = signal.shape
+    row = np.empty(n_values, dtype=np.float32)
     for s in range(n_samples):
-        row, into = signal[s], out[s]
-        middle = kernels[s, 0]
+        into = signal[s]
+        start = (offset + s * n_values) % (noise.shape[0] - n_values)
         for at in range(n_values):
-            into[at] = middle * row[at]
+            row[at] = into[at]
+            into[at] = kernels[s, 0] * row[at] + noise[start + at]
         for k in range(1, counts[s]):
             weight = kernels[s, k]
             for at in range(n_values - 2 * k):
@@ -42,25 +46,18 @@ def spread_across(
 @compiled
 def spread_along(
     signal: NDArray[np.float32],
-    noise: NDArray[np.float32],
-    offset: int,
     kernel: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
-    """Adds noise to echoes, and spreads both along the lines by the pulse.
+    """Spreads echoes along the lines by the pulse.
 
     Args:
-        signal: Echoes, shape (S, V); the noise is added in place.
-        noise: A table of noise, shape (N,), read in turns.
-        offset: Where in the table to begin.
+        signal: Echoes, shape (S, V).
         kernel: The pulse's envelope, shape (odd,).
         out: Output, shape (S, V).
     """
     n_samples, n_values = signal.shape
     half = kernel.shape[0] // 2
-    for s in range(n_samples):
-        for at in range(n_values):
-            signal[s, at] += noise[(offset + s * n_values + at) % noise.shape[0]]
     for s in range(n_samples):
         into = out[s]
         into[:] = np.float32(0.0)

@@ -19,7 +19,7 @@ from .convex_array import ConvexArray
 from .display import compress, draw_fan, spread_across, spread_along
 from .fan import Fan, make_fan
 from .label_grid import LabelGrid
-from .scattering import FACTORS, N_ANGLES, N_KEPT, N_PHASES, N_WEIGHTS, gather_scatterers
+from .scattering import FACTORS, N_ANGLES, N_PER_CUBE, N_PHASES, N_WEIGHTS, SHIFTS, gather_scatterers
 from .tissues import TISSUES
 from .tracing import trace_lines
 
@@ -28,7 +28,7 @@ SPECKLE_DB = -50.0
 above the speckle, and one of blood and liver 12 dB, where they are met at a right angle."""
 WHITE_DB = 30.0
 """How far above liver's mean speckle white is at a gain of 0 [dB]."""
-N_NOISE = 1 << 18
+N_NOISE = 1 << 20
 """Length of the table of noise."""
 
 
@@ -47,7 +47,7 @@ class Settings:
     contact_gap_m: float = 0.010
     """Widest gap between the face and the organ [m], which gel and the soft organ fill; beyond it a line is dark."""
     scatterer_spacing_m: float = 0.00055
-    """Edge of the cube of tissue that holds one scatterer [m]."""
+    """Distance of scatterers, of which the cube of this edge holds one in the mean [m]."""
     tissue_seed: int = 0
     """Which scatterers the tissue has."""
     n_pixels: int = 512
@@ -61,6 +61,11 @@ class Settings:
             raise FieldError("tgc_db_cm_mhz", self.tgc_db_cm_mhz, "must be from 0 to 10.")
         if not 0.0001 <= self.scatterer_spacing_m <= 0.005:
             raise FieldError("scatterer_spacing_mm", self.scatterer_spacing_m * 1e3, "must be from 0.1 to 5.")
+
+    @property
+    def cube_m(self) -> float:
+        """Edge of the cubes that hold `N_PER_CUBE` scatterers each [m]."""
+        return self.scatterer_spacing_m * N_PER_CUBE ** (1.0 / 3.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +116,8 @@ class Imager:
             T_grid_plane: Maps the plane's coordinates to those of the tissue, shape (4, 4).
             noise_seed: Which noise of the receiver.
         """
-        echoes, left, strength = self.trace(grid, T_grid_plane)
-        signal = self.scatter(T_grid_plane, strength)
-        signal[..., 0] += echoes
+        signal, left, strength = self.trace(grid, T_grid_plane)
+        self.scatter(T_grid_plane, strength, signal)
         received = self.receive(signal, noise_seed)
         return Plane(self.draw(received), left, received)
 
@@ -122,16 +126,18 @@ class Imager:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """What the lines run through: echoes of boundaries, what is left, and the strength of speckle.
 
-        All have shape (n_samples, n_lines) and are amplitudes, of which 1 is that of liver's speckle at the face, and
-        for what is left that of the pulse there.
+        The echoes have shape (n_samples, n_lines, 2), the others (n_samples, n_lines). All are amplitudes, of which 1
+        is that of liver's speckle at the face, and for what is left that of the pulse there.
         """
         array, tables = self.array, self._tables
-        echoes, left, strength = np.empty((3, array.n_samples, array.n_lines), np.float32)
+        left, strength = np.empty((2, array.n_samples, array.n_lines), np.float32)
+        signal = np.empty((array.n_samples, array.n_lines, 2), np.float32)
         starts_m = tables.starts_m @ T_grid_plane[:3, :3].T + T_grid_plane[:3, 3]
         tissues = (*grid.tissues, TISSUES["gel"])
         losses_db = [2.0 * tissue.attenuation_db_m(array.frequency_hz) * array.sample_m for tissue in tissues]
         trace_lines(
             grid.cells,
+            grid.rooms,
             grid.labels,
             grid.margins,
             (starts_m - grid.origin_m) / grid.spacing_m,
@@ -140,36 +146,40 @@ class Imager:
             np.array([tissue.impedance_mrayl for tissue in tissues]),
             10.0 ** (-np.array(losses_db) / 20.0),
             10.0 ** (np.array([tissue.backscatter_db for tissue in tissues]) / 20.0),
+            10.0 ** (-SPECKLE_DB / 20.0),
             math.ceil(self.settings.contact_gap_m / array.sample_m),
-            echoes,
+            signal,
             left,
             strength,
         )
-        echoes *= np.float32(10.0 ** (-SPECKLE_DB / 20.0))
-        return echoes, left, strength
+        return signal, left, strength
 
     def scatter(
-        self, T_grid_plane: NDArray[np.float64], strength: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """The scatterers' echoes before beam and pulse, shape (n_samples, n_lines, 2).
+        self,
+        T_grid_plane: NDArray[np.float64],
+        strength: NDArray[np.float32],
+        signal: NDArray[np.float32],
+    ) -> None:
+        """Adds the scatterers' echoes to a signal, before beam and pulse.
 
         Args:
             T_grid_plane: Maps the plane's coordinates to those of the tissue, shape (4, 4).
             strength: Amplitude of the speckle, shape (n_samples, n_lines).
+            signal: Added to, shape (n_samples, n_lines, 2).
         """
         array, tables = self.array, self._tables
         T_cube_plane = T_grid_plane.copy()
-        T_cube_plane[:3] /= self.settings.scatterer_spacing_m
+        T_cube_plane[:3] /= self.settings.cube_m
         steepest = int(np.argmax(np.abs(T_grid_plane[:3, 1])))
         order = [(steepest + 1) % 3, (steepest + 2) % 3, steepest]
         corners = (tables.corners_m @ T_cube_plane[:3, :3].T + T_cube_plane[:3, 3])[:, order[:2]]
         box = np.stack([np.floor(corners.min(axis=0)) - 1, np.ceil(corners.max(axis=0)) + 1], axis=1)
-        signal = np.zeros((array.n_samples, array.n_lines, 2), np.float32)
         cycles = 2.0 / array.wavelength_m
         gather_scatterers(
             np.ascontiguousarray(np.linalg.inv(T_cube_plane)[:3][:, [*order, 3]], dtype=np.float64),
             box.astype(np.int64),
             FACTORS[order],
+            SHIFTS[order],
             np.array([array.radius_m, array.sample_m, array.line_rad, array.half_angle_rad, cycles]),
             tables.slices_m,
             tables.keeps,
@@ -181,15 +191,14 @@ class Imager:
             self.settings.tissue_seed,
             signal,
         )
-        return signal
 
     def receive(self, signal: NDArray[np.float32], noise_seed: int) -> NDArray[np.float32]:
-        """Echoes with the beam, the noise and the pulse laid over them, shape (n_samples, n_lines, 2)."""
+        """Echoes with the beam, the noise and the pulse laid over them; the signal is changed."""
         tables, flat = self._tables, signal.reshape(len(signal), -1)
-        across, along = np.empty_like(flat), np.empty_like(flat)
-        spread_across(flat, tables.kernels, tables.counts, across)
-        spread_along(across, tables.noise, noise_seed * 7919 % N_NOISE, tables.pulse, along)
-        return along.reshape(signal.shape)
+        received = np.empty_like(flat)
+        spread_across(flat, tables.kernels, tables.counts, tables.noise, noise_seed * 7919 % N_NOISE)
+        spread_along(flat, tables.pulse, received)
+        return received.reshape(signal.shape)
 
     def draw(self, received: NDArray[np.float32]) -> NDArray[np.uint8]:
         """The picture of what was received: compensated, compressed and scan converted."""
@@ -214,8 +223,8 @@ class _Tables:
     """Points whose hull holds the slice, in the plane, shape (C, 3)."""
     slices_m: NDArray[np.float64]
     """Half thickness of the slice at each sample, shape (S,)."""
-    keeps: NDArray[np.int64]
-    """Of `N_KEPT` scatterers, how many are used at each sample, shape (S,)."""
+    keeps: NDArray[np.float64]
+    """Of the scatterers of a cube, how many are used at each sample, shape (S,)."""
     norms: NDArray[np.float32]
     """What brings the speckle of liver without attenuation to a mean square of 1 at each sample, shape (S,)."""
     kernels: NDArray[np.float32]
@@ -242,7 +251,7 @@ class _Tables:
         )
         thick_m = np.array([0.0, slices_m.max(), 0.0])
         cell_m2 = slice_fwhm_m * beam.lateral_fwhm_m(array, array.depths_m)
-        keeps = np.round(N_KEPT * cell_m2.min() / cell_m2).astype(np.int64)
+        keeps = N_PER_CUBE * cell_m2.min() / cell_m2
         kernels, counts = beam.lateral_kernels(array)
         pulse = beam.axial_kernel(array)
         turns = 2.0 * np.pi * (np.arange(N_PHASES) + 0.5) / N_PHASES
@@ -274,7 +283,7 @@ def _norms(
     array: ConvexArray,
     settings: Settings,
     slices_m: NDArray[np.float64],
-    keeps: NDArray[np.int64],
+    keeps: NDArray[np.float64],
     kernels: NDArray[np.float32],
     weights: NDArray[np.float64],
     pulse_energy: float,
@@ -295,6 +304,6 @@ def _norms(
     between = (1.0 - part)[:, None, None] * pad + part[:, None, None] * np.roll(pad, 1, axis=1)
     beam_energy = (between**2).sum(axis=2).mean(axis=0)
     cell_m2 = array.sample_m * (array.radius_m + array.depths_m) * array.line_rad
-    density = keeps / N_KEPT / settings.scatterer_spacing_m**3
+    density = keeps / settings.cube_m**3
     energy = density * cell_m2 * slice_energy_m * beam_energy * pulse_energy
     return (1.0 / np.sqrt(energy)).astype(np.float32)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_cdt
 
 from sim.errors import FieldError
 from sim.world.anatomy.anatomy import Anatomy
@@ -25,7 +26,7 @@ from .tissues import DEFAULT_STRUCTURE, Tissue
 
 MIXED = 255
 """What `cells` says where corners differ."""
-BYTES_PER_NODE = 16
+BYTES_PER_NODE = 24
 """Memory that a node takes while the grid is cut."""
 ROOM_M = 0.012
 """How far the grid reaches beyond the organ [m]."""
@@ -47,6 +48,9 @@ class LabelGrid:
     """How much more than half of its cell each node's label fills, above 0 and at most 1/2, shape (X, Y, Z)."""
     cells: NDArray[np.uint8]
     """The label of all corners of each cell, or `MIXED`, shape (X - 1, Y - 1, Z - 1)."""
+    rooms: NDArray[np.uint8]
+    """How many cells around each, itself included, have its label for certain: 0 of a mixed one, at most 255, in its
+    shape. Within `rooms - 1` spacings of any place of the cell the label is the same."""
     origin_m: NDArray[np.float64]
     """The first node [m], shape (3,)."""
     spacing_m: float
@@ -73,7 +77,9 @@ class LabelGrid:
         """
         if margins is None:
             margins = np.full(labels.shape, 0.5, dtype=np.float32)
-        return cls(tuple(tissues), labels, margins, _cells_of(labels), np.asarray(origin_m, float), spacing_m)
+        cells = _cells_of(labels)
+        origin_m = np.asarray(origin_m, dtype=np.float64)
+        return cls(tuple(tissues), labels, margins, cells, _rooms_of(cells), origin_m, spacing_m)
 
 
 def cut_grid(
@@ -195,3 +201,10 @@ def _cells_of(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         is_mixed |= labels[i : i + nx, j : j + ny, k : k + nz] != cells
     cells[is_mixed] = MIXED
     return cells
+
+
+def _rooms_of(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The distance of each cell to the nearest mixed one or to the grid's end, in steps that may go by corners too."""
+    is_sure = np.pad(cells != MIXED, 1)
+    steps = distance_transform_cdt(is_sure, metric="chessboard")[1:-1, 1:-1, 1:-1]
+    return np.minimum(steps, 255).astype(np.uint8)

@@ -52,6 +52,17 @@ def label_at(cells, labels, margins, x, y, z):  # noqa: ANN001, ANN201
 
 
 @compiled
+def room_at(rooms, x, y, z):  # noqa: ANN001, ANN201
+    """How far around a point the label is known to be the same, in cells; 1 where it is not known."""
+    if not (x >= 0.0 and y >= 0.0 and z >= 0.0):
+        return 1
+    i, j, k = np.uint32(x), np.uint32(y), np.uint32(z)
+    if i >= rooms.shape[0] or j >= rooms.shape[1] or k >= rooms.shape[2]:
+        return 1
+    return max(int(rooms[i, j, k]), 1)
+
+
+@compiled
 def incidence_cosine(labels, margins, x, y, z, direction, label):  # noqa: ANN001, ANN201
     """Cosine of the angle between a line and the normal of the boundary of the label that it enters.
 
@@ -84,6 +95,7 @@ def directivity(cosine):  # noqa: ANN001, ANN201
 @compiled
 def trace_lines(
     cells: NDArray[np.uint8],
+    rooms: NDArray[np.uint8],
     labels: NDArray[np.uint8],
     margins: NDArray[np.float32],
     starts: NDArray[np.float64],
@@ -92,8 +104,9 @@ def trace_lines(
     impedances: NDArray[np.float64],
     step_losses: NDArray[np.float64],
     speckle: NDArray[np.float64],
+    mirror: float,
     n_coupling: int,
-    echoes: NDArray[np.float32],
+    signal: NDArray[np.float32],
     left: NDArray[np.float32],
     strength: NDArray[np.float32],
 ) -> None:
@@ -101,6 +114,7 @@ def trace_lines(
 
     Args:
         cells: See `LabelGrid`.
+        rooms: See `LabelGrid`.
         labels: See `LabelGrid`.
         margins: See `LabelGrid`.
         starts: First sample of each line, in spacings from the first node, shape (L, 3).
@@ -109,45 +123,48 @@ def trace_lines(
         impedances: Impedance by label [MRayl]; the last is that of gel.
         step_losses: Factor by which amplitude falls over a step, there and back, by label.
         speckle: Amplitude of speckle by label, that of liver being 1.
+        mirror: Amplitude of the echo of a perfect mirror at the face.
         n_coupling: Samples of gel that may lie between the face and the organ.
-        echoes: Output, echoes of boundaries as amplitudes, that of a perfect mirror at the face being 1, shape (S, L).
-        left: Output, amplitude of what comes back from a perfect mirror at each sample, shape (S, L).
+        signal: Output, echoes of boundaries in phase, and nothing in quadrature, shape (S, L, 2).
+        left: Output, what is left of the pulse's amplitude on its way back from each sample, shape (S, L).
         strength: Output, amplitude of speckle at each sample, shape (S, L).
     """
     n_samples, n_lines = left.shape
     gel = impedances.shape[0] - 1
     amplitudes = np.ones(n_lines)
     last = np.full(n_lines, gel)
+    sure_until = np.zeros(n_lines, dtype=np.int64)
     is_coupled = np.zeros(n_lines, dtype=np.bool_)
     # Sample by sample, so that what is written lies together.
     for sample in range(n_samples):
-        way = sample * step
         for line in range(n_lines):
-            x = starts[line, 0] + way * directions[line, 0]
-            y = starts[line, 1] + way * directions[line, 1]
-            z = starts[line, 2] + way * directions[line, 2]
-            label = label_at(cells, labels, margins, x, y, z)
-            amplitude = amplitudes[line]
-            if not is_coupled[line]:
-                if label != 0:
-                    is_coupled[line] = True
+            amplitude, label, echo = amplitudes[line], last[line], 0.0
+            if sample >= sure_until[line]:
+                x = starts[line, 0] + sample * step * directions[line, 0]
+                y = starts[line, 1] + sample * step * directions[line, 1]
+                z = starts[line, 2] + sample * step * directions[line, 2]
+                label = label_at(cells, labels, margins, x, y, z)
+                if not is_coupled[line]:
+                    if label != 0:
+                        is_coupled[line] = True
+                    else:
+                        label = gel
+                        if sample >= n_coupling:
+                            amplitude = 0.0
                 else:
-                    label = gel
-                    if sample >= n_coupling:
-                        amplitude = 0.0
-            echo = 0.0
-            if label != last[line]:
-                before = impedances[last[line]]
-                ratio = (impedances[label] - before) / (impedances[label] + before)
-                cosine = incidence_cosine(
-                    labels, margins, x, y, z, directions[line], 0 if label == gel else label
-                )
-                echo = amplitude * abs(ratio) * directivity(cosine)
-                # Through the boundary and back through it: (1 - R)(1 - R) of the energy with R = ratio^2.
-                amplitude *= 1.0 - ratio * ratio
-                last[line] = label
+                    sure_until[line] = sample + 1 + int((room_at(rooms, x, y, z) - 1.0) / step)
+                if label != last[line]:
+                    before = impedances[last[line]]
+                    ratio = (impedances[label] - before) / (impedances[label] + before)
+                    entered = 0 if label == gel else label
+                    cosine = incidence_cosine(labels, margins, x, y, z, directions[line], entered)
+                    echo = amplitude * mirror * abs(ratio) * directivity(cosine)
+                    # Through the boundary and back through it: (1 - R)(1 - R) of the energy with R = ratio^2.
+                    amplitude *= 1.0 - ratio * ratio
+                    last[line] = label
             amplitude *= step_losses[label]
             amplitudes[line] = amplitude
-            echoes[sample, line] = echo
+            signal[sample, line, 0] = echo
+            signal[sample, line, 1] = 0.0
             left[sample, line] = amplitude
             strength[sample, line] = amplitude * speckle[label]

@@ -194,7 +194,8 @@ def test_the_echo_of_a_boundary_is_that_of_its_impedances_and_fades_with_the_ang
     origin_m = np.array([-0.08, -0.02, -0.01])
     grid = LabelGrid.from_labels([above, above, below], labels, origin_m=origin_m, spacing_m=0.001)
     plane = Imager(ARRAY, QUIET).plane(grid, np.eye(4))
-    echoes, left, _ = Imager(ARRAY, QUIET).trace(grid, np.eye(4))
+    signal, left, _ = Imager(ARRAY, QUIET).trace(grid, np.eye(4))
+    echoes = signal[..., 0]
     middle, at_a_slant = ARRAY.n_lines // 2, 10
     ratio = 0.2 / 3.24
     assert echoes[:, middle].max() * 10.0 ** (SPECKLE_DB / 20.0) == pytest.approx(ratio, rel=0.02)

@@ -24,8 +24,9 @@ from sim.extras import EXTRAS, missing_text
 from sim.world.sensing.sensor import SceneState
 from sim.world.sensing.ultrasound import imager as imager_module
 from sim.world.sensing.ultrasound.convex_array import ConvexArray
-from sim.world.sensing.ultrasound.imager import Imager, Settings
+from sim.world.sensing.ultrasound.imager import Imager
 from sim.world.sensing.ultrasound.scattering import scatterers_in
+from sim.world.sensing.ultrasound.settings import Settings
 from sim.world.sensing.ultrasound.ultrasound_sensor import UltrasoundSensor
 
 STEPS = {

@@ -73,7 +73,7 @@ def ultrasound_sensor_of(own: UltrasoundConfig) -> UltrasoundSensor:
         MissingPackageError: numba is not installed.
     """
     from sim.world.sensing.ultrasound.convex_array import ConvexArray
-    from sim.world.sensing.ultrasound.imager import Settings
+    from sim.world.sensing.ultrasound.settings import Settings
     from sim.world.sensing.ultrasound.ultrasound_sensor import TissueChoice, UltrasoundSensor
 
     try:

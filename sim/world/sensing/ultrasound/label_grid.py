@@ -206,5 +206,5 @@ def _cells_of(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def _rooms_of(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The distance of each cell to the nearest mixed one or to the grid's end, in steps that may go by corners too."""
     is_sure = np.pad(cells != MIXED, 1)
-    steps = distance_transform_cdt(is_sure, metric="chessboard")[1:-1, 1:-1, 1:-1]
-    return np.minimum(steps, 255).astype(np.uint8)
+    steps = np.asarray(distance_transform_cdt(is_sure, metric="chessboard"))
+    return np.minimum(steps[1:-1, 1:-1, 1:-1], 255).astype(np.uint8)

@@ -18,9 +18,10 @@ from sim.world.sensing.sensor import SceneState, Sensor
 from sim.world.sensing.sweep import Sweep
 
 from .convex_array import ConvexArray
-from .imager import Imager, Settings
+from .imager import Imager
 from .label_grid import LabelGrid, cut_grid
 from .labels import exact_labels
+from .settings import Settings
 from .sweep_pattern import sweep_pattern
 from .tissues import tissue_named, tissue_of_structure
 

@@ -5,8 +5,7 @@ import pytest
 
 from sim.errors import FieldError
 from sim.world.sensing.ultrasound.convex_array import ConvexArray
-from sim.world.sensing.ultrasound.display import draw_fan
-from sim.world.sensing.ultrasound.fan import make_fan
+from sim.world.sensing.ultrasound.display import draw_fan, make_fan
 
 ARRAY = ConvexArray(n_lines=96, n_samples=256)
 

@@ -8,8 +8,9 @@ from phantoms import ball_phantom, tissue, uniform_phantom
 
 from sim.world.sensing.ultrasound import beam
 from sim.world.sensing.ultrasound.convex_array import ConvexArray
-from sim.world.sensing.ultrasound.imager import SPECKLE_DB, Imager, Settings
+from sim.world.sensing.ultrasound.imager import SPECKLE_DB, Imager
 from sim.world.sensing.ultrasound.label_grid import LabelGrid
+from sim.world.sensing.ultrasound.settings import Settings
 from sim.world.sensing.ultrasound.tissues import TISSUES
 
 ARRAY = ConvexArray()

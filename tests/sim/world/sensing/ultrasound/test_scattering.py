@@ -7,8 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from sim.world.sensing.ultrasound import beam
 from sim.world.sensing.ultrasound.convex_array import ConvexArray
-from sim.world.sensing.ultrasound.imager import Imager, Settings
+from sim.world.sensing.ultrasound.imager import Imager
 from sim.world.sensing.ultrasound.scattering import N_PER_CUBE, scatterers_in
+from sim.world.sensing.ultrasound.settings import Settings
 
 ARRAY = ConvexArray(
     depth_m=0.03,

@@ -13,7 +13,7 @@ from sim.world.anatomy.structures import Structure
 from sim.world.scene.scene import build_scene
 from sim.world.sensing.sensor import SceneState
 from sim.world.sensing.ultrasound.convex_array import ConvexArray
-from sim.world.sensing.ultrasound.imager import Settings
+from sim.world.sensing.ultrasound.settings import Settings
 from sim.world.sensing.ultrasound.ultrasound_sensor import TissueChoice, UltrasoundSensor
 from sim.world.solids.solid import Solid
 

@@ -61,9 +61,9 @@ TISSUES = _table(
     ("fluid", 1.55, 0.05, SILENT_DB),
     ("fat", 1.38, 0.63, 3.0),
     ("muscle", 1.70, 1.09, -4.0),
-    ("bone", 7.80, 5.00, 6.0),
-    ("calcification", 5.00, 10.00, 12.0),
-    ("gas", 0.0004, 12.0, 0.0),
+    ("bone", 7.80, 5.00, -30.0),
+    ("calcification", 5.00, 20.00, -30.0),
+    ("gas", 0.0004, 12.0, SILENT_DB),
 )
 """The tissues by name. Fluid is bile and what fills a cyst; gel couples the array's face to the organ."""
 

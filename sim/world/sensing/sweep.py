@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -33,6 +33,14 @@ class Sweep:
     def middle(self) -> int:
         """The plane nearest to the middle of the sweep."""
         return len(self.images) // 2
+
+    def part(self, is_kept: NDArray[np.bool_]) -> Sweep:
+        """The sweep beside a reading without some of its points.
+
+        Args:
+            is_kept: Which points stay, shape (N,).
+        """
+        return replace(self, planes=self.planes[is_kept])
 
     def pixels(self, points_m: NDArray[np.float64], plane: int) -> NDArray[np.float64]:
         """Rows and columns of points in the picture of a plane, not rounded, shape (N, 2).

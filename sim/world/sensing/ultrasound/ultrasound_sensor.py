@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import FieldError
+from sim.suggestions import did_you_mean
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.memory import spare_bytes
 from sim.world.sensing.reading import Reading
@@ -159,7 +160,7 @@ def _reading(sweep: Sweep, points_m: NDArray[np.float64], state: SceneState) -> 
         labels.is_tumour[is_in],
         state.T_world_probe,
         labels.is_target[is_in] if labels.is_target is not None else None,
-        images=dataclasses.replace(sweep, planes=sweep.planes[is_in]),
+        images=sweep.part(is_in),
     )
 
 
@@ -171,8 +172,15 @@ def _imager(array: ConvexArray, settings: Settings) -> Imager:
 
 @lru_cache(maxsize=1)
 def _grid(anatomy: Anatomy, choice: TissueChoice, spacing_m: float) -> LabelGrid:
-    """The grid of an anatomy, kept for the next sweep of the same episode."""
-    given = dict(choice.structures)
+    """The grid of an anatomy, kept for the next sweep of the same episode.
+
+    Raises:
+        FieldError: A tissue is given for a structure that is not there, or the grid does not fit memory.
+    """
+    given, names = dict(choice.structures), list(dict.fromkeys(each.name for each in anatomy.structures))
+    for name in given.keys() - set(names):
+        known = f"the structures here are {', '.join(names)}." if names else "there are no structures here."
+        raise FieldError("structure_tissue", name, f"{known}{did_you_mean(name, names)}")
     return cut_grid(
         anatomy,
         surroundings=tissue_named(choice.surroundings, field="surroundings_tissue"),

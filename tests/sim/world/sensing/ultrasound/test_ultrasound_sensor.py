@@ -121,6 +121,15 @@ def test_a_structure_that_names_no_tissue_hides_nothing_and_a_tissue_can_be_give
     assert len(told.sense(state_of(plain, cone), np.random.default_rng(0)).points_m) < len(seen.points_m)
 
 
+def test_a_tissue_for_a_structure_that_is_not_there_is_refused(ball_anatomy, cone):
+    told = dataclasses.replace(SMALL, tissues=TissueChoice(structures=(("rip", "bone"),)))
+    there = dataclasses.replace(ball_anatomy, structures=(rib(z_m=0.11),))
+    with pytest.raises(FieldError, match="structure_tissue=rip: the structures here are rib"):
+        told.sense(state_of(there, cone), np.random.default_rng(0))
+    with pytest.raises(FieldError, match="structure_tissue=rip: there are no structures here"):
+        told.sense(state_of(ball_anatomy, cone), np.random.default_rng(0))
+
+
 def test_a_probe_without_contact_sees_nothing(ball_anatomy, cone):
     assert len(SMALL.sense(state_of(ball_anatomy, cone, pose=2), np.random.default_rng(0)).points_m) == 0
 

@@ -28,6 +28,7 @@ from sim.world.sensing.ultrasound.convex_array import ConvexArray
 from sim.world.sensing.ultrasound.imager import Imager
 from sim.world.sensing.ultrasound.scattering import scatterers_in
 from sim.world.sensing.ultrasound.settings import Settings
+from sim.world.sensing.ultrasound.tables import Tables
 from sim.world.sensing.ultrasound.ultrasound_sensor import UltrasoundSensor
 
 STEPS = {
@@ -127,7 +128,7 @@ def compare(plane_s: float, n_used: int) -> None:
         return
     from .pymust_array import MustArray
 
-    array, cube_m = ConvexArray(), Settings().cube_m
+    array, cube_m = ConvexArray(), Tables.of(ConvexArray(), Settings()).cube_m
     places, _ = scatterers_in(np.array([-10, 0, 50]), np.array([10, 3, 70]), seed=0)
     must, given_m = MustArray(array), places.reshape(-1, 3)[:N_SAME][:, [0, 2]] * cube_m
     must.echoes(given_m[:10], 0.0)

@@ -76,6 +76,10 @@ def ultrasound_sensor_of(own: UltrasoundConfig) -> UltrasoundSensor:
     from sim.world.sensing.ultrasound.settings import Settings
     from sim.world.sensing.ultrasound.ultrasound_sensor import TissueChoice, UltrasoundSensor
 
+    for name, low, high in RANGES:
+        value = getattr(own, name)
+        if value is not None and not low <= value <= high:
+            raise FieldError(name, value, f"must be from {low:g} to {high:g}.")
     try:
         array = ConvexArray(
             face_width_m=own.array_width_mm * MM,
@@ -116,6 +120,13 @@ def ultrasound_sensor_of(own: UltrasoundConfig) -> UltrasoundSensor:
         raise FieldError(field, getattr(own, field), error.problem) from error
 
 
+RANGES = (
+    ("frequency_mhz", 0.5, 20.0),
+    ("image_depth_mm", 10.0, 400.0),
+    ("array_width_mm", 5.0, 200.0),
+    ("gain_db", -100.0, 100.0),
+)
+"""Options with the ranges beyond which pictures mean nothing."""
 FIELD_OF = {
     "face_width_m": "array_width_mm",
     "radius_m": "array_radius_mm",

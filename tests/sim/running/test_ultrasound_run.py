@@ -146,7 +146,7 @@ def test_image_draws_one_picture_and_says_what_it_shows(tmp_path, capsys):
         (["--rock-deg", "90"], "--rock-deg 90.0: must be between -90 and 90 degrees."),
         (["--out", "picture.jpg"], "--out picture.jpg: must end with .png."),
         (["--image-pixels", "10000000"], "--image-pixels 10000000: 16 pictures take"),
-        (["--frequency-mhz", "0"], "--frequency-mhz 0.0: must be above 0."),
+        (["--frequency-mhz", "0"], "--frequency-mhz 0.0: must be from 0.5 to 20."),
         (
             ["--array-radius-mm", "5"],
             "--array-radius-mm 5.0: must be more than half of the width of the face",

@@ -45,13 +45,13 @@ def pulse_fwhm_m(array: ConvexArray) -> float:
 
 def transmit_fwhm_m(array: ConvexArray, depths_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Width of the transmitted beam across the lines [m], in the shape of the depths."""
-    diffraction_m = SINC_HALF_WIDTH * array.wavelength_m * depths_m / array.aperture_m
-    return np.hypot(diffraction_m, LIT_SHARE * array.aperture_m * (1.0 - depths_m / array.focus_m))
+    diffraction_m = SINC_HALF_WIDTH * array.wavelength_m * depths_m / array.open_m
+    return np.hypot(diffraction_m, LIT_SHARE * array.open_m * (1.0 - depths_m / array.focus_m))
 
 
 def lateral_fwhm_m(array: ConvexArray, depths_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Width of a point's echo across the lines [m], in the shape of the depths."""
-    receiving_m = np.minimum(array.aperture_m, depths_m / array.f_number)
+    receiving_m = np.minimum(array.open_m, depths_m / array.f_number)
     back_m = SINC_HALF_WIDTH * array.wavelength_m * depths_m / receiving_m
     return 1.0 / np.sqrt(transmit_fwhm_m(array, depths_m) ** -2 + back_m**-2)
 

@@ -43,7 +43,7 @@ class ConvexArray:
     focus_m: float = 0.065
     """Depth at which the transmitted beam is focused [m]."""
     aperture_m: float = 0.016
-    """Width of the part of the face that makes one line [m]."""
+    """Width of the part of the face that makes one line [m]; no wider than the face."""
     f_number: float = 2.0
     """Depth over receiving aperture near the face, where the aperture grows with depth."""
     height_m: float = 0.008
@@ -65,7 +65,7 @@ class ConvexArray:
             _check(name, getattr(self, name), 0.0 < getattr(self, name) < math.inf, "must be above 0.")
         _check("face_width_m", self.face_width_m, self.face_width_m > 0.0, "must be above 0.")
         remedy = "must be more than half of the width of the face, whose arc it is."
-        _check("radius_m", self.radius_m, 0.501 * self.face_width_m <= self.radius_m < math.inf, remedy)
+        _check("radius_m", self.radius_m, 0.52 * self.face_width_m <= self.radius_m < math.inf, remedy)
         _check("bandwidth", self.bandwidth, 0.1 <= self.bandwidth <= 1.5, "must be from 0.1 to 1.5.")
         _check("n_lines", self.n_lines, self.n_lines >= 8, "must be at least 8.")
         _check("n_samples", self.n_samples, self.n_samples >= 32, "must be at least 32.")
@@ -79,6 +79,11 @@ class ConvexArray:
     def wavelength_m(self) -> float:
         """Wavelength of the centre frequency [m]."""
         return SPEED_M_S / self.frequency_hz
+
+    @property
+    def open_m(self) -> float:
+        """Width of the part of the face that makes one line, which is no wider than the face [m]."""
+        return min(self.aperture_m, self.face_width_m)
 
     @property
     def half_angle_rad(self) -> float:

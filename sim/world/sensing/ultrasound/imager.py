@@ -129,7 +129,7 @@ class Imager:
         """
         array, tables = self.array, self._tables
         T_cube_plane = T_grid_plane.copy()
-        T_cube_plane[:3] /= self.settings.cube_m
+        T_cube_plane[:3] /= tables.cube_m
         steepest = int(np.argmax(np.abs(T_grid_plane[:3, 1])))
         order = [(steepest + 1) % 3, (steepest + 2) % 3, steepest]
         corners = (tables.corners_m @ T_cube_plane[:3, :3].T + T_cube_plane[:3, 3])[:, order[:2]]

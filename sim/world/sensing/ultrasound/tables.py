@@ -15,6 +15,8 @@ from .settings import Settings
 
 N_NOISE = 1 << 20
 """Length of the table of noise."""
+MOST_TGC_DB = 150.0
+"""The compensation rises no further [dB]: there only noise is left."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,8 @@ class Tables:
     """Points whose hull holds the slice, in the plane, shape (C, 3)."""
     slices_m: NDArray[np.float64]
     """Half thickness of the slice at each sample, shape (S,)."""
+    cube_m: float
+    """Edge of the cubes that hold `N_PER_CUBE` scatterers each [m]."""
     keeps: NDArray[np.float64]
     """Of the scatterers of a cube, how many are used at each sample, shape (S,)."""
     norms: NDArray[np.float32]
@@ -58,6 +62,8 @@ class Tables:
         thick_m = np.array([0.0, slices_m.max(), 0.0])
         cell_m2 = slice_fwhm_m * beam.lateral_fwhm_m(array, array.depths_m)
         keeps = N_PER_CUBE * cell_m2.min() / cell_m2
+        cell_m3 = float(cell_m2.min()) * beam.pulse_fwhm_m(array)
+        cube_m = (cell_m3 * N_PER_CUBE / settings.scatterers_per_cell) ** (1.0 / 3.0)
         kernels, counts = beam.lateral_kernels(array)
         pulse = beam.axial_kernel(array)
         turns = 2.0 * np.pi * (np.arange(N_PHASES) + 0.5) / N_PHASES
@@ -66,14 +72,15 @@ class Tables:
         pulse_energy = float((pulse.astype(np.float64) ** 2).sum())
         noise = np.random.default_rng(0).standard_normal(N_NOISE, dtype=np.float32)
         noise *= 10.0 ** (settings.noise_db / 20.0) / math.sqrt(2.0 * pulse_energy)
-        depths_cm_mhz = 2.0 * array.depths_m * 100.0 * array.frequency_hz * 1e-6
+        tgc_db = settings.tgc_db_cm_mhz * 2.0 * array.depths_m * 100.0 * array.frequency_hz * 1e-6
         return cls(
             starts_m=starts_m,
             directions=directions,
             corners_m=np.concatenate([ends_m - thick_m, ends_m + thick_m]),
             slices_m=slices_m,
+            cube_m=cube_m,
             keeps=keeps,
-            norms=_norms(array, settings, slices_m, keeps, kernels, weights, pulse_energy),
+            norms=_norms(array, slices_m, keeps / cube_m**3, kernels, weights, pulse_energy),
             kernels=kernels,
             counts=counts,
             pulse=pulse,
@@ -81,15 +88,14 @@ class Tables:
             weights=weights.astype(np.float32),
             angles_rad=np.append(np.arcsin(np.linspace(-1.0, 1.0, N_ANGLES + 1)), np.pi / 2.0),
             noise=noise,
-            gains=(10.0 ** (settings.tgc_db_cm_mhz * depths_cm_mhz / 20.0)).astype(np.float32),
+            gains=10.0 ** (np.minimum(tgc_db, MOST_TGC_DB) / 20.0).astype(np.float32),
         )
 
 
 def _norms(
     array: ConvexArray,
-    settings: Settings,
     slices_m: NDArray[np.float64],
-    keeps: NDArray[np.float64],
+    density_m3: NDArray[np.float64],
     kernels: NDArray[np.float32],
     weights: NDArray[np.float64],
     pulse_energy: float,
@@ -110,6 +116,5 @@ def _norms(
     between = (1.0 - part)[:, None, None] * pad + part[:, None, None] * np.roll(pad, 1, axis=1)
     beam_energy = (between**2).sum(axis=2).mean(axis=0)
     cell_m2 = array.sample_m * (array.radius_m + array.depths_m) * array.line_rad
-    density = keeps / settings.cube_m**3
-    energy = density * cell_m2 * slice_energy_m * beam_energy * pulse_energy
+    energy = density_m3 * cell_m2 * slice_energy_m * beam_energy * pulse_energy
     return (1.0 / np.sqrt(energy)).astype(np.float32)

@@ -226,3 +226,26 @@ def test_noise_covers_what_lies_too_deep():
     noise_db = 10.0 * np.log10((deep.envelope[-200:] ** 2).mean())
     assert noise_db == pytest.approx(Settings().noise_db, abs=0.5)
     assert 10.0 * np.log10((quiet.envelope[-200:] ** 2).mean()) < noise_db - 20.0
+
+
+@pytest.mark.parametrize("frequency_hz", [2.0e6, 7.0e6])
+def test_speckle_is_fully_developed_and_of_the_same_level_at_other_frequencies(frequency_hz):
+    array = ConvexArray(frequency_hz=frequency_hz, depth_m=0.06, focus_m=0.03, height_focus_m=0.04)
+    envelope = envelopes(uniform_phantom(tissue()), 2, array)[:, 60:-60, LINES]
+    assert envelope.mean() / envelope.std() == pytest.approx(1.913, rel=0.05)
+    assert 10.0 * np.log10((envelope**2).mean()) == pytest.approx(0.0, abs=0.3)
+
+
+def test_an_aperture_is_no_wider_than_the_face():
+    wide = ConvexArray(face_width_m=0.01, aperture_m=0.04)
+    narrow = ConvexArray(face_width_m=0.01, aperture_m=0.01)
+    assert np.array_equal(
+        beam.lateral_fwhm_m(wide, wide.depths_m), beam.lateral_fwhm_m(narrow, narrow.depths_m)
+    )
+
+
+def test_the_compensation_of_a_very_deep_picture_stays_finite():
+    array = ConvexArray(frequency_hz=20e6, depth_m=0.4, n_lines=32, n_samples=256)
+    plane = Imager(array).plane(uniform_phantom(tissue(attenuation=0.5)), np.eye(4))
+    assert np.isfinite(plane.envelope).all()
+    assert np.isfinite(Imager(array).gains).all()

@@ -21,6 +21,8 @@ ARRAY = ConvexArray(
     height_m=0.004,
 )
 SETTINGS = Settings(noise_db=-300.0, tissue_seed=5)
+TABLES = Imager(ARRAY, SETTINGS)._tables
+CUBE_M = TABLES.cube_m
 
 
 def plain_sum(T_grid_plane):
@@ -28,19 +30,19 @@ def plain_sum(T_grid_plane):
     corners_m = ARRAY.points_m([0, 0, 63, 63, 32], [0, 239, 0, 239, 239])
     thick_m = np.array([0.0, 0.004, 0.0])
     corners_m = np.concatenate([corners_m - thick_m, corners_m + thick_m]) @ T_grid_plane[:3, :3].T
-    cubes = (corners_m + T_grid_plane[:3, 3]) / SETTINGS.cube_m
+    cubes = (corners_m + T_grid_plane[:3, 3]) / CUBE_M
     first, last = np.floor(cubes.min(axis=0)).astype(int) - 1, np.ceil(cubes.max(axis=0)).astype(int) + 1
     places, chances = scatterers_in(first, last, seed=5)
     numbers = np.tile(np.arange(N_PER_CUBE), len(places))
     places, chances = places.reshape(-1, 3), chances.ravel()
-    x_m, y_m, z_m = ((places * SETTINGS.cube_m - T_grid_plane[:3, 3]) @ T_grid_plane[:3, :3]).T
+    x_m, y_m, z_m = ((places * CUBE_M - T_grid_plane[:3, 3]) @ T_grid_plane[:3, :3]).T
     range_m = np.hypot(x_m, z_m + ARRAY.radius_m) - ARRAY.radius_m
     angle_rad = np.arctan2(x_m, z_m + ARRAY.radius_m)
     depths_m = ARRAY.depths_m
     lateral = np.interp(range_m, depths_m, beam.lateral_fwhm_m(ARRAY, depths_m)) / 2.3548
     thickness = np.interp(range_m, depths_m, beam.slice_fwhm_m(ARRAY, depths_m)) / 2.3548
-    keeps = np.interp(range_m, depths_m, Imager(ARRAY, SETTINGS)._tables.keeps)
-    norms = np.interp(range_m, depths_m, Imager(ARRAY, SETTINGS)._tables.norms)
+    keeps = np.interp(range_m, depths_m, TABLES.keeps)
+    norms = np.interp(range_m, depths_m, TABLES.norms)
     is_used = (numbers < np.floor(keeps)) | (
         (numbers == np.floor(keeps)) & (chances < 1024.0 * (keeps - np.floor(keeps)))
     )

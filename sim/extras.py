@@ -41,10 +41,12 @@ EXTRAS = {
     ),
     "dask": Extra("distributed", "distributed", "campaigns on Dask (`sounding trials --engine dask`)"),
     "ray": Extra("ray", "ray", "campaigns on Ray (`sounding trials --engine ray`)"),
+    "ultrasound": Extra("numba", "numba", "ultrasound (`--sensor ultrasound`, `sounding image`)"),
     "gym": Extra("gymnasium", "gymnasium", "the environments for learning (`sim.gym`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"
     ),
+    "pymust": Extra("pymust", "pymust", "an oracle of the slow tests of ultrasound", is_for_users=False),
     "docs": Extra("mkdocs-material", "material", "the pages as a site (`make docs`)", is_for_users=False),
     "lint": Extra("pyright", "pyright", "the linter and the type checker (`make check`)", is_for_users=False),
     "dev": Extra("pytest", "pytest", "the tests (`make test`)", is_for_users=False),

@@ -54,7 +54,9 @@ WITHIN = {
     "sim.comparison.lesions": "sim.comparison",
     "sim.bound.check": "sim.bound",
     "sim.cli.studies": "sim.cli",
+    "sim.cli.sensing": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
+    "sim.world.sensing.ultrasound": "sim.world.sensing",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""
 MOST_FILES, MOST_LINES = 15, 300

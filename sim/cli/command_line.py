@@ -26,6 +26,7 @@ COMMANDS = {
     "compare": "compare",
     "reach": "reach",
     "ik": "ik",
+    "image": "sensing.image",
     "replay": "replay",
     "report": "report",
     "view": "view",

@@ -64,7 +64,7 @@ def captioned(pixels: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> NDAr
         image.paste(key, (0, height_px - key.height))
     draw = ImageDraw.Draw(image)
     draw.rectangle((0, 0, width_px, CAPTION_PX - 1), fill=PAPER)
-    draw.text((20, CAPTION_PX // 2), caption, font=_font(CAPTION_SIZE_PX), fill=INK, anchor="lm")
+    draw.text((20, CAPTION_PX // 2), caption, font=label_font(CAPTION_SIZE_PX), fill=INK, anchor="lm")
     return np.asarray(image)
 
 
@@ -76,7 +76,8 @@ def key_of(anatomy: Anatomy, width_px: int, height_px: int) -> Image.Image | Non
 
 
 @lru_cache(maxsize=4)
-def _font(size_px: int) -> ImageFont.FreeTypeFont:
+def label_font(size_px: int) -> ImageFont.FreeTypeFont:
+    """The letters of captions, marks and keys."""
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts/ttf/DejaVuSans.ttf"), size_px)
 
 
@@ -91,7 +92,7 @@ def _key(width_px: int, *kinds: bool, target: str | None = None) -> Image.Image:
     """
     targets = [] if target is None else [(f"true {target}"[:MOST_LETTERS], TARGET_RGBA)]
     entries = [*LEGEND, *targets, *(STRUCTURES[kind] for kind in kinds)]
-    font, x_px, row = _font(KEY_SIZE_PX), 20, 0
+    font, x_px, row = label_font(KEY_SIZE_PX), 20, 0
     places: list[tuple[int, int]] = []
     for label, _ in entries:
         taken_px = 24 + int(font.getlength(label))

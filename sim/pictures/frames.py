@@ -16,7 +16,9 @@ from sim.episode.episode import Episode
 from sim.episode.step import Step
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.camera.rendering import Overlay, SceneRenderer, averaged
+from sim.world.sensing.sweep import Sweep
 
+from .bmode import bmode_panel
 from .captions import captioned, frame_settings
 from .png import png_bytes
 
@@ -74,7 +76,10 @@ class EpisodeFrames(Closeable):
         samples = self._renderer.render_samples(self._episode.data, self._overlay(step))
         caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
         self._pending = [job for job in self._pending if not job.done() or job.result()]
-        self._pending.append(self._pool.submit(_save, self._folder / name, samples, caption, anatomy))
+        job = self._pool.submit(
+            _save, self._folder / name, samples, caption, anatomy, sweep=step.reading.images
+        )
+        self._pending.append(job)
         self.draw_s += perf_counter() - start_s
 
     def _overlay(self, step: Step) -> Overlay:
@@ -122,6 +127,12 @@ def _caption(episode: Episode, step: Step) -> str:
     return "   ·   ".join(parts)
 
 
-def _save(path: Path, samples: NDArray[np.uint8], caption: str, anatomy: Anatomy) -> None:
+def _save(
+    path: Path, samples: NDArray[np.uint8], caption: str, anatomy: Anatomy, *, sweep: Sweep | None
+) -> None:
+    """Write a frame, with the B-mode picture beside the scene where the sensor drew one."""
+    pixels = captioned(averaged(samples), caption, anatomy)
+    if sweep is not None:
+        pixels = np.hstack([pixels, bmode_panel(sweep, len(pixels))])
     with replacing(path) as file:
-        file.write(png_bytes(captioned(averaged(samples), caption, anatomy)))
+        file.write(png_bytes(pixels))

@@ -20,6 +20,7 @@ RUN_NAMES = re.compile(
     | poses\.json | probe\.xml | anatomy\.npz | map\.npz | visible\.npz | own_(target_)?map\.npz
     | map_(target_)?(on_scan_)?(probability|standard_deviation|labels)\.nii\.gz
     | (auprc|precision_recall|map_top|map_side|map_target_top|map_target_side)\.png
+    | ultrasound/\d+(-\d+)?\.png
     | (frames/\d+|frames/final)\.png | (motion|maps)/\d+\.npz | surfaces/mapped[^/]*
     | reach\.(csv|parquet|png) | reasons\.png | bases\.(csv|png) | arms\.(csv|md|png)""",
     re.VERBOSE,

@@ -50,15 +50,17 @@ def page(record: RunRecord, findings: Findings) -> str:
     pack = Pack()
     view = view_data(record, pack)
     packed = pack.text()
-    frames = frame_images(
-        record.folder / "frames", most_bytes=MOST_BYTES - _script_bytes() - len(packed) - 500_000
-    )
+    room = MOST_BYTES - _script_bytes() - len(packed) - 500_000
+    bmodes = frame_images(record.folder / "ultrasound", most_bytes=room // 2)
+    frames = frame_images(record.folder / "frames", most_bytes=room - sum(map(len, bmodes.values())))
     data = {"view": view, "n_steps": record.n_steps, "frames": sorted(frames)}
+    if bmodes:
+        data["bmodes"] = sorted(bmodes)
     shown = chapters(record, findings)
     return environment().get_template("run.html.j2").render(
         **shown, n_actions=record.n_steps, has_slices=view["map"] is not None, slices_frame=_slices_frame(record),
         data=json_text(data),
-        readings_json=json_text(shown["readings"]), packed=packed, frames=frames, scripts=scripts(),
+        readings_json=json_text(shown["readings"]), packed=packed, frames=frames, bmodes=bmodes, scripts=scripts(),
     )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
 from .reader import ReaderConfig
+from .ultrasound import UltrasoundConfig
 
 Frames = Literal["each", "last", "none"]
 MapName = Literal["paper", "calibrated"]
@@ -27,11 +28,11 @@ ALWAYS, WHEN_NEEDED = "always", "when-needed"
 """The choices of when the built-in map is kept."""
 DEFAULT_PROBE = "default"
 """The name of the embedded probe."""
-CONE = "cone"
-"""The name of the paper's sensor, which is exact."""
+CONE, ULTRASOUND = "cone", "ultrasound"
+"""The names of the paper's sensor, which is exact, and of the one that draws pictures."""
 CONE_WITH_ERRORS = "cone-with-errors"
 """The name of the sensor that sees what the paper's does, and whose reader errs."""
-SENSORS = (CONE, CONE_WITH_ERRORS)
+SENSORS = (CONE, CONE_WITH_ERRORS, ULTRASOUND)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +201,7 @@ class EpisodeConfig:
     mutual-information, expected-volume), or your own planner as package.module:Class."""
     sensor: str = CONE
     """What turns a contact into a reading: cone (the paper's, which is exact), cone-with-errors (the same, labelled by
-    a reader that errs), or your own sensor as package.module:Class."""
+    a reader that errs), ultrasound (a sweep of B-mode pictures), or your own sensor as package.module:Class."""
     steps: int = 30
     """Largest number of sensing actions, from 1 to 14400."""
     until_sensed: float | None = None
@@ -231,6 +232,7 @@ class EpisodeConfig:
     anatomy: AnatomyConfig = field(default_factory=AnatomyConfig)
     sensing: SensingConfig = field(default_factory=SensingConfig)
     reading: ReaderConfig = field(default_factory=ReaderConfig)
+    ultrasound: UltrasoundConfig = field(default_factory=UltrasoundConfig)
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     find_and_outline: FindAndOutlineConfig = field(default_factory=FindAndOutlineConfig)
     expected_improvement: ExpectedImprovementConfig = field(default_factory=ExpectedImprovementConfig)
@@ -279,7 +281,7 @@ class EpisodeConfig:
                 "planner", self.planner, f"{remedy}{did_you_mean(self.planner, planner_names())}"
             )
         if self.sensor not in SENSORS and not is_plug(self.sensor, SENSOR):
-            remedy = f"choose {' or '.join(SENSORS)}, or name yours as package.module:Class."
+            remedy = f"choose {', '.join(SENSORS)}, or name yours as package.module:Class."
             raise FieldError("sensor", self.sensor, f"{remedy}{did_you_mean(self.sensor, SENSORS)}")
         if kept not in (ALWAYS, WHEN_NEEDED) and not is_plug(kept, MAP):
             raise FieldError(

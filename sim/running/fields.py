@@ -17,8 +17,8 @@ from sim.world.text import read_text
 from .config import EpisodeConfig
 
 ORDER = (
-    *("mounting", "moving", "organ", "case", "anatomy", "sensing", "reading", "planning"),
-    *("mapping", "find_and_outline", "expected_improvement", "output"),
+    *("mounting", "moving", "organ", "case", "anatomy", "sensing", "reading", "ultrasound"),
+    *("planning", "mapping", "find_and_outline", "expected_improvement", "output"),
 )
 """The order of groups in a study's axes and columns, after the fields outside groups. Help has another."""
 OPTIONS_OF = {"planner": "planner_option", "sensor": "sensor_option", "map": "map_option"}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.record.default_folders import default_folder, file_part
+from sim.world.sensing.sweep import KeptPlanes
 
 from .config import DEFAULT_PROBE, EpisodeConfig, Frames
 from .parts import EpisodeParts
@@ -23,6 +24,8 @@ class Output:
     options: Mapping[str, Any]
     """The configuration as plain data, which config.json keeps."""
     frames: Frames = "none"
+    keep_images: KeptPlanes = "middle"
+    """Which pictures of an action's sweep."""
     report: bool = True
     cannot_repeat: tuple[str, ...] = ()
     """What the run was given in memory and config.json does not hold, a sentence each."""
@@ -40,6 +43,7 @@ def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, 
         folder=config.out or default_folder(name, options, overwrite=config.output.overwrite),
         options=options,
         frames=config.frames,
+        keep_images=config.ultrasound.keep_images,
         report=config.output.report,
         overwrite=config.output.overwrite,
     )

@@ -26,7 +26,7 @@ from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 from .arm_place import arm_of, probe_of
 from .case import MM, scenario_changes
-from .config import ALWAYS, WHEN_NEEDED, EpisodeConfig
+from .config import ALWAYS, ULTRASOUND, WHEN_NEEDED, EpisodeConfig
 from .own import own_plug, refuse_options
 from .reader import reader_errors
 from .sensor import sensor_of, trust_of
@@ -124,14 +124,15 @@ def make_parts(
     _check_stops(config, planner)
     settings = map_settings_of(config, planner)
     scenario = scenario_of(config, scenario)
+    trust = trust_of(config, scenario, sensor)
     return EpisodeParts(
         scenario=scenario,
         planner=planner,
         sensor=sensor or sensor_of(config),
         make_map=make_map or _map_of(config, planner),
         map_settings=settings,
-        detail=detail_of(config, planner),
-        trust=trust_of(config, scenario, sensor),
+        detail=detail_of(config, planner, trust),
+        trust=trust,
         arm=arm_of(config),
         probe=probe_of(config),
         motion=config.moving.motion,
@@ -157,6 +158,8 @@ def check_config(config: EpisodeConfig) -> None:
     motion_settings_of(config)
     servo_settings_of(config)
     reader_errors(config.reading)
+    if config.sensor == ULTRASOUND:
+        sensor_of(config)
     if config.planner in planner_names():
         planner = planner_of(config)
         _check_stops(config, planner)

@@ -24,7 +24,7 @@ _BLOB_SPREAD = 0.3
 
 @dataclass(frozen=True, kw_only=True)
 class ReaderConfig:
-    """What the reader of the sensor cone-with-errors gets wrong, and how far labels are trusted.
+    """What the reader of the sensors cone-with-errors and ultrasound gets wrong, and how far labels are trusted.
 
     A value that is given takes the place of the reader's own.
     """
@@ -64,18 +64,8 @@ class ReaderConfig:
     """Standard deviation, about each axis, of the believed turn of the tip about the true one [degrees]."""
     label_trust: LabelTrustName | None = None
     """How far the map and the planner trust labels: exact (they are never wrong), told (they know the rates at which
-    the reader errs) or learnt (they find the rates as readings come); by default learnt with the sensor
-    cone-with-errors, and exact with all others."""
-
-
-def trust_name(config: ReaderConfig, *, errs: bool) -> LabelTrustName:
-    """How far labels are trusted, in a word.
-
-    Args:
-        config: The options.
-        errs: Whether the sensor is one whose reader errs.
-    """
-    return config.label_trust or ("learnt" if errs else "exact")
+    the reader errs) or learnt (they find the rates as readings come); by default learnt where a reader
+    errs, and exact with all other sensors."""
 
 
 _UNITS = {
@@ -129,14 +119,26 @@ def check_no_reader(config: ReaderConfig, sensor: str) -> None:
     Raises:
         FieldError: An option of the reader is given.
     """
-    for field in dataclasses.fields(config):
-        value = getattr(config, field.name)
-        if field.name != "label_trust" and value != field.default:
-            raise FieldError(
-                field.name,
-                value,
-                f"goes only with the sensor cone-with-errors; {sensor} has no such options.",
-            )
+    for name in _given(config):
+        raise FieldError(
+            name,
+            getattr(config, name),
+            f"goes only with the sensors cone-with-errors and ultrasound; {sensor} has no such options.",
+        )
+
+
+def has_reader(config: ReaderConfig) -> bool:
+    """Whether an option of the reader is given."""
+    return bool(_given(config))
+
+
+def _given(config: ReaderConfig) -> list[str]:
+    """The options of the reader that are given."""
+    return [
+        field.name
+        for field in dataclasses.fields(config)
+        if field.name != "label_trust" and getattr(config, field.name) != field.default
+    ]
 
 
 def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSettings | None:
@@ -150,14 +152,14 @@ def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSett
     Raises:
         FieldError: Rates are to be told of a sensor that tells none.
     """
-    choice = trust_name(config, errs=errs)
+    choice = config.label_trust or ("learnt" if errs else "exact")
     if choice == "exact":
         return None
     if choice == "learnt":
         return TrustSettings()
     if not errs:
         raise FieldError(
-            "label_trust", choice, "only the sensor cone-with-errors tells its rates. Choose exact or learnt."
+            "label_trust", choice, "only a reader that errs tells its rates. Choose exact or learnt."
         )
     return TrustSettings(rates=told_rates(reader_errors(config), cone), learns=False)
 

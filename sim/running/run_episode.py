@@ -23,6 +23,7 @@ from sim.episode.step import Step
 from sim.findings.structure_distances import distance_rows
 from sim.interrupt import NotedInterrupt
 from sim.notices import Notify, print_notice
+from sim.pictures.bmode import write_sweep
 from sim.pictures.frames import EpisodeFrames, frame_renderer
 from sim.record.ownership import check_out_folder
 from sim.record.run_folder import RunFolder
@@ -228,6 +229,7 @@ class _EpisodeRun:
             for step in self._episode.steps(parts.n_steps, **parts.stops, on_skipped=on_skipped):
                 self._totals.add(step)
                 write_step(self._folder, self._episode, step)
+                write_sweep(self._folder, step.step, step.reading.images, self._output.keep_images)
                 if draws_each:
                     self._frames.draw(f"{step.step:04d}.png", step)
                 progress.set_postfix_str(_postfix(step, self._episode), refresh=False)

@@ -9,9 +9,10 @@ from planner import Cone
 from sim.episode.scenario import Scenario
 from sim.plugs import SENSOR
 
-from .config import CONE, CONE_WITH_ERRORS, SENSORS, EpisodeConfig
+from .config import CONE_WITH_ERRORS, SENSORS, ULTRASOUND, EpisodeConfig
 from .own import own_plug, refuse_options
-from .reader import check_no_reader, reader_errors, trust_settings
+from .reader import check_no_reader, has_reader, reader_errors, trust_settings
+from .ultrasound import ultrasound_sensor_of
 
 if TYPE_CHECKING:
     from sim.world.sensing.sensor import Sensor
@@ -26,15 +27,25 @@ def sensor_of(config: EpisodeConfig) -> Sensor:
     if config.sensor not in SENSORS:
         check_no_reader(config.reading, config.sensor)
         return own_plug(config.sensor, SENSOR, config.sensing.sensor_option)
-    refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {config.sensor}")
-    if config.sensor == CONE:
-        from sim.world.sensing.cone_sensor import ConeSensor
+    from sim.world.sensing.cone_sensor import ConeSensor
 
+    refuse_options("sensor_option", config.sensing.sensor_option, f"sensor of your own; {config.sensor}")
+    exact: Sensor = ConeSensor()
+    if config.sensor == ULTRASOUND:
+        exact = ultrasound_sensor_of(config.ultrasound)
+    if not reader_errs(config):
         check_no_reader(config.reading, config.sensor)
-        return ConeSensor()
+        return exact
     from sim.world.sensing.errors.erring_sensor import ErringSensor
 
-    return ErringSensor(errors=reader_errors(config.reading), shadowing=config.reading.shadowing)
+    return ErringSensor(errors=reader_errors(config.reading), exact=exact, shadowing=config.reading.shadowing)
+
+
+def reader_errs(config: EpisodeConfig) -> bool:
+    """Whether the sensor is one whose reader errs: cone-with-errors, or pictures with the options of a reader."""
+    if config.sensor == ULTRASOUND:
+        return has_reader(config.reading)
+    return config.sensor == CONE_WITH_ERRORS
 
 
 def trust_of(config: EpisodeConfig, scenario: Scenario, sensor: Sensor | None) -> TrustSettings | None:
@@ -49,4 +60,4 @@ def trust_of(config: EpisodeConfig, scenario: Scenario, sensor: Sensor | None) -
         FieldError: Rates are to be told of a sensor that tells none.
     """
     cone = Cone(half_angle_rad=scenario.cone_half_angle_rad, depth_m=scenario.cone_depth_m)
-    return trust_settings(config.reading, cone, errs=sensor is None and config.sensor == CONE_WITH_ERRORS)
+    return trust_settings(config.reading, cone, errs=sensor is None and reader_errs(config))

@@ -6,15 +6,14 @@ import dataclasses
 import re
 from typing import Any, get_args
 
-from mapping import DetailSettings, MapSettings
+from mapping import DetailSettings, MapSettings, TrustSettings
 from planner import Planner
 from sim.errors import FieldError, UsageError
 from sim.world.motion.settings import MotionSettings, ServoSettings
 
 from .case import MM
-from .config import CONE_WITH_ERRORS, EpisodeConfig, MapName
+from .config import EpisodeConfig, MapName
 from .fields import value_of
-from .reader import trust_name
 
 FIELD_OF = {
     "sure_radius_m": "sure_radius_mm",
@@ -71,14 +70,19 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
         raise in_fields(config, error) from error
 
 
-def detail_of(config: EpisodeConfig, planner: Planner) -> DetailSettings | None:
-    """How the map answers in detail near sensed tumour; None for a plain Hilbert map."""
+def detail_of(config: EpisodeConfig, planner: Planner, trust: TrustSettings | None) -> DetailSettings | None:
+    """How the map answers in detail near sensed tumour; None for a plain Hilbert map.
+
+    Args:
+        config: What to run.
+        planner: Prefers some settings.
+        trust: How far labels are trusted; where they are not, more of them answer for a place.
+    """
     wanted = config.mapping.map_detail
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
     if not is_on:
         return None
-    is_exact = trust_name(config.reading, errs=config.sensor == CONE_WITH_ERRORS) == "exact"
-    return DetailSettings() if is_exact else DetailSettings.of_many_labels()
+    return DetailSettings() if trust is None else DetailSettings.of_many_labels()
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:

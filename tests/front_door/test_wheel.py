@@ -54,7 +54,9 @@ def test_the_wheel_holds_every_module_and_all_data_as_they_are_in_the_checkout(w
     files = held(wheel)
     wanted = {"sounding.py"}
     for package in PACKAGES:
-        found = (path for path in (ROOT / package).rglob("*") if path.is_file() and path.suffix != ".pyc")
+        found = (
+            path for path in (ROOT / package).rglob("*") if path.is_file() and "__pycache__" not in path.parts
+        )
         wanted |= {path.relative_to(ROOT).as_posix() for path in found}
     wanted |= {f"sim/_models/{path.name}" for path in (ROOT / "models").iterdir()}
     assert files.keys() == wanted

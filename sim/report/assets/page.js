@@ -9,7 +9,7 @@
   });
   const { data } = runs[0], views = () => runs.map(run => run.view).filter(Boolean);
   const slider = document.getElementById("slider"), number = document.getElementById("number");
-  const play = document.getElementById("play"), picture = document.getElementById("frame"), last = Number(slider.max);
+  const play = document.getElementById("play"), last = Number(slider.max);
 
   // A text beside the pointer.
   const tip = document.createElement("div");
@@ -52,16 +52,20 @@
     svg.addEventListener("pointerleave", event => tell(event, ""));
   }
 
-  // Each frame is text until it is shown.
-  const lastPicture = picture && { step: Number(picture.dataset.step), src: picture.src };
-  const showFrame = wanted => {
-    if (Number(picture.dataset.step) === wanted) return;
-    const held = document.getElementById(`frame-${wanted}`);
-    const src = wanted === lastPicture.step ? lastPicture.src : held && held.textContent;
+  // Each picture is text until it is shown.
+  const pictures = [["frame", data.frames], ["bmode", data.bmodes]].map(([name, steps]) => {
+    const element = document.getElementById(name);
+    return { name, steps, element, last: element && { step: Number(element.dataset.step), src: element.src } };
+  }).filter(each => each.element);
+  const showPicture = ({ name, steps, element, last }, step) => {
+    const wanted = steps.filter(at => at <= step).pop() ?? steps[0];
+    if (Number(element.dataset.step) === wanted) return;
+    const held = document.getElementById(`${name}-${wanted}`);
+    const src = wanted === last.step ? last.src : held && held.textContent;
     // Without a source the page is still being read.
     if (!src) return;
-    picture.src = src;
-    picture.dataset.step = wanted;
+    element.src = src;
+    element.dataset.step = wanted;
   };
 
   let slices = null, step = last, timer = null;
@@ -91,7 +95,7 @@
         if (output) output.textContent = own ? texts[own - 1] : "–";
       }
     }
-    if (picture) showFrame(data.frames.filter(at => at <= step).pop() ?? data.frames[0]);
+    for (const each of pictures) showPicture(each, step);
     for (const run of runs) {
       const own = at(run, step), isNext = own === at(run, before) + 1;
       if (run.view) run.view.setStep(own, isNext && !isCalm.matches ? 0.8 * playMs() : 0);

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .sweep import Sweep
 
 Values = NDArray[np.float64] | None
 
@@ -22,6 +26,8 @@ class Reading:
     """Pose of the probe's tip at which the sensor looked, as it is believed to be, shape (4, 4)."""
     is_target: NDArray[np.bool_] | None = None
     """Whether the sensor takes each point for a body of the second class, shape (N,); None without such a class."""
+    images: Sweep | None = None
+    """The pictures that the reading was made of; None of a sensor that draws none."""
 
     log_odds: NDArray[np.float64] | None = None
     """How far each label can be believed, log P(label | tumour) / P(label | free), shape (N,): above 0 where it speaks

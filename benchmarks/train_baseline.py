@@ -33,7 +33,7 @@ KEPT = 0.5
 """Share of the old mean and deviations in the new ones, so that the luck of a few episodes does not move them far."""
 START = (-3.0, -1.0, -0.5, 0.0, -2.0, -0.3, 0.0, 0.3, 3.0, 3.0, 2.5, 1.0, -1.0, -1.5, 1.0)
 """The first mean, guessed by hand: little is worth beside sensed cones and at the surface, much beside tumour."""
-START_DEVIATION = 0.7
+START_DEVIATION = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ..find_and_outline.fine_lattice import fine_lattice
-from ..find_and_outline.frontier import sensed_points
 from ..find_and_outline.hidden_balls import distance_to_cones
 from ..keyed_array import KeyedArray
 from ..situation import Situation
@@ -91,66 +90,88 @@ def hats(values: NDArray[np.float64], knots: tuple[float, ...]) -> NDArray[np.fl
     return np.column_stack([np.interp(values, knots, row) for row in np.eye(len(knots))])
 
 
-def search_features(situation: Situation) -> NDArray[np.float64]:
-    """The features of the points of the search lattice, shape (S, `N_SEARCH`).
+def features_of(situation: Situation) -> tuple[NDArray[np.float64], Places]:
+    """The features of the points of the search lattice, shape (S, `N_SEARCH`), and the places to outline.
 
     Args:
         situation: What is known so far.
     """
+    beside = _beside_tumour(situation)
+    return _search_features(situation, beside.found_m3), _outline_places(situation, beside)
+
+
+@dataclass(frozen=True, eq=False)
+class _BesideTumour:
+    """The fine points near labels of tumour."""
+
+    points_m: NDArray[np.float64]
+    to_tumour_m: NDArray[np.float64]
+    """Distance to the nearest label of tumour [m], at most the last of `TUMOUR_KNOTS_M`."""
+    cell_m3: float
+    found_m3: float
+    """The volume within 4 mm of labels of tumour [m^3]."""
+
+
+def _beside_tumour(situation: Situation) -> _BesideTumour:
+    lattice, most_m = fine_lattice(situation.search_points_m), TUMOUR_KNOTS_M[-1]
+    rate = situation.false_positive_rate
+    believed_m = (reading.believed_tumour_m(rate) for reading in situation.readings)
+    tumour_m = np.concatenate([np.empty((0, 3)), *believed_m])
+    points_m, gap_m = np.empty((0, 3)), np.empty(0)
+    if len(tumour_m):
+        points_m = _within(lattice.points_m, tumour_m, most_m)
+        tree = KDTree(tumour_m, balanced_tree=False, compact_nodes=False)
+        gap_m = tree.query(points_m, distance_upper_bound=most_m)[0]
+        points_m, gap_m = points_m[gap_m <= most_m], gap_m[gap_m <= most_m]
+    found_m3 = lattice.cell_m3 * float((gap_m <= TUMOUR_KNOTS_M[1]).sum())
+    return _BesideTumour(points_m, gap_m, lattice.cell_m3, found_m3)
+
+
+def _search_features(situation: Situation, found_m3: float) -> NDArray[np.float64]:
     lattice = search_lattice(situation.search_points_m)
     n = len(lattice.points_m)
-    gap_m = np.full(n, np.inf)
-    if situation.sensed:
-        sensed = situation.workspace.part(situation.sensed)
-        gap_m = distance_to_cones(sensed, situation.cone, lattice.points_m).min(axis=1).astype(np.float64)
     depth_m = np.full(n, np.inf)
     if situation.surface_distance_m is not None:
         depth_m = situation.surface_distance_m[lattice.chosen]
-    found = np.full((n, 1), np.log1p(_found_m3(situation) / FOUND_M3))
+    gap_m = _distance_to_sensed(situation, lattice.points_m)
+    found = np.full((n, 1), np.log1p(found_m3 / FOUND_M3))
     return np.hstack([hats(gap_m, CONE_KNOTS_M)[:, :-1], hats(depth_m, DEPTH_KNOTS_M)[:, :-1], found])
 
 
-def outline_places(situation: Situation) -> Places:
-    """The places near labels of tumour that no cone has held, with their features.
-
-    Args:
-        situation: What is known so far.
-    """
-    lattice, tumour_m = fine_lattice(situation.search_points_m), tumour_labels_m(situation)
-    near = lattice.near(tumour_m, TUMOUR_KNOTS_M[-1])
-    near = near[~sensed_points(situation.workspace, situation.cone, situation.sensed, lattice.points_m[near])]
-    step = max(1, -(-len(near) // _MOST_OUTLINED))
-    points_m = lattice.points_m[near[::step]]
+def _outline_places(situation: Situation, beside: _BesideTumour) -> Places:
+    is_open = _distance_to_sensed(situation, beside.points_m) > 0.0
+    step = max(1, -(-int(is_open.sum()) // _MOST_OUTLINED))
+    points_m, to_tumour_m = beside.points_m[is_open][::step], beside.to_tumour_m[is_open][::step]
     if not len(points_m):
-        return Places(np.empty((0, 3)), lattice.cell_m3, np.empty((0, N_OUTLINE)))
-    to_tumour_m = KDTree(tumour_m).query(points_m)[0]
+        return Places(points_m, beside.cell_m3, np.empty((0, N_OUTLINE)))
     nearer_m = _distance_to_free(situation, points_m) - to_tumour_m
     nearer = np.delete(hats(nearer_m, NEARER_KNOTS_M), 1, axis=1)
     features = np.hstack([hats(to_tumour_m, TUMOUR_KNOTS_M), nearer])
-    return Places(points_m, step * lattice.cell_m3, features)
+    return Places(points_m, step * beside.cell_m3, features)
 
 
-def tumour_labels_m(situation: Situation) -> NDArray[np.float64]:
-    """The points of all readings that are believed to be tumour [m], shape (T, 3)."""
-    rate = situation.false_positive_rate
-    return np.concatenate(
-        [np.empty((0, 3)), *(reading.believed_tumour_m(rate) for reading in situation.readings)]
-    )
-
-
-def _found_m3(situation: Situation) -> float:
-    """The volume within 4 mm of labels of tumour [m^3]."""
-    lattice = fine_lattice(situation.search_points_m)
-    return lattice.cell_m3 * len(lattice.near(tumour_labels_m(situation), TUMOUR_KNOTS_M[1]))
+def _distance_to_sensed(situation: Situation, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The distance of points to the nearest sensed cone [m], 0 or below within, shape (P,); infinite without one."""
+    if not situation.sensed or not len(points_m):
+        return np.full(len(points_m), np.inf)
+    sensed = situation.workspace.part(situation.sensed)
+    return distance_to_cones(sensed, situation.cone, points_m).min(axis=1).astype(np.float64)
 
 
 def _distance_to_free(situation: Situation, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The distance of points to the nearest label of none [m], shape (P,), exact up to 24 mm; more is infinite."""
+    """The distance of points to the nearest label of none [m], shape (P,); infinite beyond 24 mm."""
     most_m = TUMOUR_KNOTS_M[-1] + NEARER_KNOTS_M[-1]
-    low_m, high_m = points_m.min(axis=0) - most_m, points_m.max(axis=0) + most_m
     free_m = np.concatenate([reading.points_m[~reading.is_occupied] for reading in situation.readings])
-    free_m = free_m[((free_m >= low_m) & (free_m <= high_m)).all(axis=1)]
+    free_m = _within(free_m, points_m, most_m)
     if not len(free_m):
         return np.full(len(points_m), np.inf)
     tree = KDTree(free_m, balanced_tree=False, compact_nodes=False)
     return tree.query(points_m, distance_upper_bound=most_m)[0]
+
+
+def _within(
+    points_m: NDArray[np.float64], others_m: NDArray[np.float64], margin_m: float
+) -> NDArray[np.float64]:
+    """Those of some points that lie in the box around others, shape (P, 3)."""
+    low_m, high_m = others_m.min(axis=0) - margin_m, others_m.max(axis=0) + margin_m
+    return points_m[((points_m >= low_m) & (points_m <= high_m)).all(axis=1)]

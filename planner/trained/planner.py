@@ -17,7 +17,7 @@ from ..errors import PlannerError
 from ..find_and_outline.frontier import seen_weight
 from ..planner import Planner
 from ..situation import Situation
-from .features import N_OUTLINE, N_SEARCH, outline_places, search_features, search_lattice
+from .features import N_OUTLINE, N_SEARCH, features_of, search_lattice
 
 WEIGHTS = "weights.json"
 """The file of the learned numbers, beside this module."""
@@ -48,7 +48,10 @@ class Trained(Planner):
         """The poses neither sensed nor skipped, those worth most first; see `Planner.rank`."""
         poses = np.flatnonzero(situation.available(exclude_sensed=True))
         if len(poses):
-            yield from poses[np.argsort(-self.score(situation)[poses], kind="stable")].tolist()
+            score = self.score(situation)[poses]
+            # Mostly the first is taken, and the others need no order.
+            yield int(poses[np.argmax(score)])
+            yield from poses[np.argsort(-score, kind="stable")[1:]].tolist()
 
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """The worth of each pose [m^3], shape (N,): that of what it would search, and of what it would outline.
@@ -64,9 +67,9 @@ class Trained(Planner):
         theta = np.array(self.weights)
         lattice = search_lattice(situation.search_points_m)
         sight = sight_of(workspace, cone, lattice.points_m)
-        worth = np.exp(search_features(situation) @ theta[:N_SEARCH])
+        features, places = features_of(situation)
+        worth = np.exp(features @ theta[:N_SEARCH])
         worth[sight.held_by(situation.sensed)] = 0.0
         searched = lattice.cell_m3 * sight.sums(worth)
-        places = outline_places(situation)
         worth = places.cell_m3 * np.exp(places.features @ theta[N_SEARCH:])
         return searched + seen_weight(workspace, cone, places.points_m, worth)

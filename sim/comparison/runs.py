@@ -119,8 +119,8 @@ def write_runs(folders: Sequence[Path], folder: Path, bounds: Sequence[Path] = (
 
 
 def _beside_limit(record: RunRecord, bounds: Sequence[Path]) -> RunRecord:
-    """The record of a run whose summary tells of its limit."""
-    if not bounds:
+    """The record of a run whose summary tells of its limit; a run that was killed has no summary."""
+    if not bounds or not record.summary:
         return record
     limit = limit_of_run(bounds, record.options)
     if limit is None:

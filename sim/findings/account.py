@@ -171,7 +171,7 @@ def _limit(summary: Mapping[str, Any]) -> str:
     else:
         text += "; the least possible for this seed is not known."
     if mean is not None:
-        text += f" Without knowing it, no planner needs fewer than {mean:.2f} in the mean over seeds."
+        text += f" Not knowing the truth, no planner needs fewer than {mean:.2f} in the mean over seeds."
     return text
 
 

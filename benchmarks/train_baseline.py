@@ -111,7 +111,7 @@ def write(weights: NDArray[np.float64], n_generations: int, seed: int, out: Path
     """Write the numbers, and how they were learned."""
     rounded = [round(float(weight), 3) for weight in weights]
     told = {
-        "learned_by": f"python -m benchmarks.train_baseline --generations {n_generations} --seed {seed}",
+        "learned_by": f".venv/bin/python -m benchmarks.train_baseline --generations {n_generations} --seed {seed}",
         "search": rounded[:N_SEARCH],
         "outline": rounded[N_SEARCH:],
     }

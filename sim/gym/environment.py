@@ -126,12 +126,15 @@ class SoundingEnv(gymnasium.Env):
     def situation(self) -> Situation:
         """What a planner would be shown now, without the truth; `next(planner.rank(env.situation()))` is its action.
 
-        A pose that the arm does not reach is not in `skipped`: the mask of the observation tells of these.
+        All poses that the probe does not reach are skipped from the start. Readings hold points only where they are
+        made.
 
         Raises:
             gymnasium.error.ResetNeeded: There is no episode yet.
         """
-        return self.episode.situation()
+        setup = self.episode.setup
+        lost = np.flatnonzero(~self._open_actions(setup)[: setup.workspace.n_poses])
+        return replace(self.episode.situation(), skipped=frozenset(lost.tolist()))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

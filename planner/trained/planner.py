@@ -35,6 +35,7 @@ class Trained(Planner):
     """Ranks by a sum over the open places in a pose's cone, whose worth a search of parameters learned."""
 
     needs_belief: ClassVar[bool] = False
+    needs_readings: ClassVar[bool] = True
 
     weights: tuple[float, ...] = field(default_factory=shipped_weights)
     """The learned numbers: those of the search, then those of the outline; by default the shipped ones."""

@@ -1,6 +1,6 @@
 """Learns the numbers of the planner `trained` in the environment for learning agents, and writes them.
 
-    .venv/bin/python -m benchmarks.train_baseline                     # the shipped numbers, some 35 minutes of one core
+    .venv/bin/python -m benchmarks.train_baseline                     # the shipped numbers, some 30 minutes of one core
     .venv/bin/python -m benchmarks.train_baseline --generations 2 --out renders/weights.json
 
 The cross-entropy method: a generation draws candidates around a mean, all play the same episodes, and mean and

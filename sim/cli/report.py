@@ -52,7 +52,7 @@ def run(options: Options) -> int:
     from sim.report import write_report
 
     if options.bound:
-        from sim.bound.one_run import keep_limit
+        from sim.bound.limit import keep_limit
 
         for folder in options.folders:
             keep_limit(folder, options.bound)

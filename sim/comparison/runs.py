@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mapping.storage import replacing
-from sim.bound.one_run import LIMIT, limit_of_run, other_case
+from sim.bound.limit import LIMIT, limit_of_run, other_case
 from sim.campaign.campaign_folder import STUDY
 from sim.errors import FieldError, UsageError
 from sim.findings.account import Account, account

@@ -149,7 +149,7 @@ def times_the_least(summary: Mapping[str, Any]) -> float | None:
     """How many times the fewest actions in hindsight a run took until 95 % was sensed; None where that is not known.
 
     Args:
-        summary: What summary.json holds; its `limit` is what `sim.bound.one_run` kept.
+        summary: What summary.json holds; its `limit` is what `sim.bound.limit` kept.
     """
     least, needed = summary.get("limit", {}).get("in_hindsight"), summary.get("sensings_to_95")
     return needed / least if least and needed else None

@@ -9,7 +9,7 @@ import shutil
 import pytest
 
 from sim.bound.folder import BOUND, SEEDS
-from sim.bound.one_run import limit_of_run
+from sim.bound.limit import limit_of_run
 from sim.cli.command_line import main
 from sim.comparison.compare import compare
 from sim.running.run_episode import run_episode

@@ -23,7 +23,7 @@ LIMITS = {"sphere-v1": ROOT / "benchmarks" / "limits" / "sphere.json"}
 """The bound.json that `sounding bound` wrote for a task's scenario and arm."""
 PAGE = ROOT / "docs" / "leaderboard.md"
 RUNS = ROOT / "renders" / "leaderboard"
-OURS = ("find-and-outline", "expected-improvement", "mutual-information", "random")
+OURS = ("find-and-outline", "expected-improvement", "mutual-information", "trained", "random")
 """Sounding's own planners that are entered."""
 INTRODUCTION = """# The leaderboard
 

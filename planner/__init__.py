@@ -36,6 +36,7 @@ from .registry import (
 from .situation import Situation
 from .stopping.lesion_prior import LesionPrior
 from .stopping.what_is_left import WhatIsLeft
+from .trained import Trained
 from .visibility import scattered_poses, visibility, visible_points
 from .workspace import Workspace
 
@@ -54,6 +55,7 @@ __all__ = [
     "RandomOrder",
     "Situation",
     "ThompsonSampling",
+    "Trained",
     "UpperConfidenceBound",
     "WhatIsLeft",
     "Workspace",

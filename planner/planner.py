@@ -15,6 +15,9 @@ class Planner(ABC):
     """The map's settings for which the planner was made: the paper's, or those whose probabilities are calibrated."""
     needs_belief: ClassVar[bool]
     """Whether the ranking looks at the prediction; an episode may leave the map out where it does not."""
+    needs_readings: ClassVar[bool] = False
+    """Whether the ranking looks at the points of the readings though it needs no belief; for other planners a campaign
+    without a map casts no rays, so that readings hold no points."""
 
     @abstractmethod
     def rank(self, situation: Situation) -> Iterator[int]:

@@ -17,6 +17,7 @@ from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
+from .trained import Trained
 
 _PLANNERS: dict[str, type[Any]] = {
     "expected-improvement": ExpectedImprovement,
@@ -29,6 +30,7 @@ _PLANNERS: dict[str, type[Any]] = {
     "mutual-information": MutualInformation,
     "expected-volume": ExpectedVolume,
     "greedy-coverage": GreedyCoverage,
+    "trained": Trained,
 }
 
 

@@ -50,6 +50,7 @@ WITHIN = {
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
     "planner.stopping": "planner",
+    "planner.trained": "planner",
     "sim.campaign.engines": "sim.campaign",
     "sim.comparison.lesions": "sim.comparison",
     "sim.bound.check": "sim.bound",

@@ -93,12 +93,13 @@ def seen_weight(
     total = np.zeros(workspace.n_poses)
     if not len(points_m):
         return total
-    _, cube_of = np.unique(np.floor(points_m / _CUBE_M).astype(int), axis=0, return_inverse=True)
-    for cube in range(cube_of.max() + 1):
-        inside = points_m[cube_of.ravel() == cube]
-        middle_m = (inside.min(axis=0) + inside.max(axis=0)) / 2
-        radius_m = np.linalg.norm(inside - middle_m, axis=1).max()
-        poses = np.flatnonzero(distance_to_cones(workspace, cone, middle_m[None])[0] <= radius_m + 1e-6)
+    cubes, cube_of = np.unique(np.floor(points_m / _CUBE_M).astype(int), axis=0, return_inverse=True)
+    members = [np.flatnonzero(cube_of.ravel() == cube) for cube in range(len(cubes))]
+    middles_m = np.array([(points_m[i].min(axis=0) + points_m[i].max(axis=0)) / 2 for i in members])
+    gaps_m = distance_to_cones(workspace, cone, middles_m)
+    for inside, middle_m, gap_m in zip(members, middles_m, gaps_m, strict=True):
+        radius_m = np.linalg.norm(points_m[inside] - middle_m, axis=1).max()
+        poses = np.flatnonzero(gap_m <= radius_m + 1e-6)
         if poses.size:
-            total[poses] += weights[cube_of.ravel() == cube] @ visibility(workspace.part(poses), cone, inside)
+            total[poses] += weights[inside] @ visibility(workspace.part(poses), cone, points_m[inside])
     return total

@@ -22,7 +22,7 @@ class Entrant:
     map_settings: str
     """The map that it is shown and scored by: paper or calibrated."""
     source_sha256: str
-    """Digest of its source: the file of its class, or for a built-in one all files of the planners."""
+    """Digest of its source: the file of its class, or for a built-in one all files of the planners with numbers."""
     source: Path | None
     """The file of its class where that is a module of one file, which the submission then holds a copy of."""
 
@@ -36,7 +36,7 @@ def load_entrant(text: str) -> Entrant:
     made = planner_of(config_of(planner=text))
     if text in planner_names():
         folder = Path(planners.__file__).parent
-        files = sorted(folder.rglob("*.py"))
+        files = sorted([*folder.rglob("*.py"), *folder.rglob("*.json")])
     else:
         files = [Path(inspect.getsourcefile(type(made)) or inspect.getfile(type(made)))]
     is_one_file = text not in planner_names() and "." not in type(made).__module__

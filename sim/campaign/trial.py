@@ -70,8 +70,10 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
         write_trial_folder(trial)
     setup_start_s = perf_counter()
     planner = parts.planner
-    ahead = planner if planner.needs_belief else Lookahead(planner, setup.positioner)
-    episode = make_episode(parts, setup, planner=ahead, casts_rays=parts.keeps_map)
+    is_blind = not (planner.needs_belief or planner.needs_readings)
+    ahead = Lookahead(planner, setup.positioner) if is_blind else planner
+    casts_rays = parts.keeps_map or planner.needs_readings
+    episode = make_episode(parts, setup, planner=ahead, casts_rays=casts_rays)
     setup_s = perf_counter() - setup_start_s
     totals, witness = Totals(), EpisodeWitness(episode, parts.map_settings.prior_prevalence)
     for step in episode.steps(parts.n_steps, **parts.stops):

@@ -43,8 +43,8 @@ class Options:
     reference: str | None = None
     """Contender with which all others are paired; by default all are paired with each other."""
     bound: tuple[Path, ...] = ()
-    """Folders that `sounding bound` wrote, one for each case; every contender is then shown beside the least possible:
-    the hindsight optimum of each seed, and what any policy takes in the mean."""
+    """Folders that `sounding bound` wrote, one for each case; every contender, or run, is then shown beside the least
+    possible: the hindsight optimum of each seed, and what any policy takes in the mean."""
     view_seed: int | None = None
     """Run this seed of each contender again, and draw its map and poses from above and from the side, which takes as
     long as these episodes: up to a minute or so for each."""

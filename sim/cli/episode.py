@@ -130,5 +130,5 @@ def _account(summary: Mapping[str, Any]) -> str:
     lines = ["  " + "   ".join(map(str.ljust, row, widths)).rstrip() for row in cells]
     if len(told.lesions) > MOST_LESIONS:
         lines.append(f"  and {len(told.lesions) - MOST_LESIONS} more, in findings.json")
-    prose = [wrapped(in_flags(text)) for text in (told.ended, told.meaning) if text]
+    prose = [wrapped(in_flags(text)) for text in (told.ended, told.limit, told.meaning) if text]
     return "\n".join([head, "-" * len(head), *told.found, *lines, "", *prose, ""])

@@ -70,7 +70,7 @@ def compare(
         reference: Contender with which all others are paired; None for all pairs.
         view_seed: Seed of each contender to run again, to draw its map and poses from above and from the side.
         jobs: Number of processes that draw the views.
-        bound: Folders that `sounding bound` wrote, each of one case, beside whose limit the contenders are shown.
+        bound: Folders that `sounding bound` wrote, each of one case, beside whose limit contenders or runs are shown.
 
     Raises:
         UsageError: A folder holds no campaign or no bound, a reference is unknown, or the output cannot be written.
@@ -81,12 +81,11 @@ def compare(
             ("seeds", seeds),
             ("reference", reference),
             ("view_seed", view_seed),
-            ("bound", tuple(bound) or None),
         ):
             if value is not None:
                 raise UsageError(f"`{name}` goes only with campaigns, and {campaigns[0]} holds a single run.")
         folder = _own_folder(campaigns, out)
-        return CompareSummary(write_runs(campaigns, folder), folder, ())
+        return CompareSummary(write_runs(campaigns, folder, list(map(Path, bound))), folder, ())
     groups = load_groups(campaigns, seeds=seeds)
     contenders = list(dict.fromkeys(group.contender for group in groups))
     if reference is not None and reference not in contenders:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mapping.storage import replacing
+from sim.bound.limit import LIMIT, limit_of_run, other_case
 from sim.campaign.campaign_folder import STUDY
-from sim.errors import UsageError
+from sim.errors import FieldError, UsageError
 from sim.findings.account import Account, account
 from sim.findings.findings import Findings
 from sim.findings.results import findings_of
@@ -75,18 +76,19 @@ def are_runs(folders: Sequence[Path]) -> bool:
     return True
 
 
-def write_runs(folders: Sequence[Path], folder: Path) -> str:
+def write_runs(folders: Sequence[Path], folder: Path, bounds: Sequence[Path] = ()) -> str:
     """Write report.html, compare.md and compare.csv for runs of episodes, and return the table as Markdown.
 
     Args:
         folders: Folders of two to four runs, finished or not.
         folder: The folder to write to, which is there.
+        bounds: Folders that `sounding bound` wrote, beside whose limit the runs are shown.
 
     Raises:
-        UsageError: A folder is not that of an episode, or one of its files is broken.
+        UsageError: A folder is not that of an episode, one of its files is broken, or no bound is of a run's case.
     """
     ends = shortest_names(folders)
-    records = {path: load_run(path) for path in ends}
+    records = {path: _beside_limit(load_run(path), bounds) for path in ends}
     planners = [str(record.options["planner"]) for record in records.values()]
     runs = [
         _Run(
@@ -116,6 +118,16 @@ def write_runs(folders: Sequence[Path], folder: Path) -> str:
     return text
 
 
+def _beside_limit(record: RunRecord, bounds: Sequence[Path]) -> RunRecord:
+    """The record of a run whose summary tells of its limit; a run that was killed has no summary."""
+    if not bounds or not record.summary:
+        return record
+    limit = limit_of_run(bounds, record.options)
+    if limit is None:
+        raise FieldError("bound", ", ".join(map(str, bounds)), other_case(record.folder, record.options))
+    return replace(record, summary={**record.summary, LIMIT: limit})
+
+
 def _page(runs: Sequence[_Run], rows: Sequence[tuple[str, list[str]]], folder: Path) -> str:
     records = [run.record for run in runs]
     return environment(TEMPLATES).get_template("runs.html.j2").render(
@@ -142,6 +154,7 @@ def _shown(run: _Run, index: int, folder: Path) -> dict[str, Any]:
         "lede": lede(record),
         "status": STATUS.get(str(record.manifest.get("status")), ""),
         "ended": run.told.ended,
+        "limit": run.told.limit,
         "report": link(page, folder) if page.is_file() else "",
         "classes": [
             {**each, "title": f"{each['title']}: {run.name}"} for each in classes(record, run.findings)

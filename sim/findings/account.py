@@ -48,6 +48,8 @@ class Account:
     lesions: tuple[Lesion, ...]
     ended: str
     """Why the run ended; empty where it did not by itself."""
+    limit: str
+    """How the actions compare with the least possible; empty where no limit is at hand."""
     meaning: str
     """What the numbers mean, and where the paper's planner ran, why it did; empty without tumours."""
 
@@ -82,7 +84,13 @@ def account(summary: Mapping[str, Any], options: Mapping[str, Any], findings: Ma
     meaning = f"{MEANING} {PAPER}" if planner == PAPER_PLANNER else MEANING
     has_map = any(lesion.found for lesion in lesions)
     ended = f"{_ended(summary, options)} {_left(summary)}".strip()
-    return Account(tuple(found), tuple(lesions), ended, meaning if has_map else "")
+    return Account(
+        found=tuple(found),
+        lesions=tuple(lesions),
+        ended=ended,
+        limit=_limit(summary),
+        meaning=meaning if has_map else "",
+    )
 
 
 def _found(findings: Mapping[str, Any], key: str, name: str | None = None) -> str:
@@ -113,7 +121,7 @@ def _lesions(findings: Mapping[str, Any], key: str, name: str) -> list[Lesion]:
 def _ended(summary: Mapping[str, Any], options: Mapping[str, Any]) -> str:
     """Why a run ended, with the planner's confidence where it has one."""
     confidence, n = summary.get("confidence"), summary.get("n_sensings")
-    actions = f"{n} action{'' if n == 1 else 's'}"
+    actions = "" if n is None else _actions(n)
     sure = "" if confidence is None else f"the planner was {confidence:.1%} sure that {_claim(options)}"
     also = f"; {sure}" if sure else ""
     if confidence == 0.0 and options["planner"] == OUTLINING_PLANNER:
@@ -135,6 +143,40 @@ def _ended(summary: Mapping[str, Any], options: Mapping[str, Any]) -> str:
         case "no_pose_left":
             return f"It ended after {actions}, because no pose was left that could be taken{also}."
     return ""
+
+
+def times_the_least(summary: Mapping[str, Any]) -> float | None:
+    """How many times the fewest actions in hindsight a run took until 95 % was sensed; None where that is not known.
+
+    Args:
+        summary: What summary.json holds; its `limit` is what `sim.bound.limit` kept.
+    """
+    least, needed = summary.get("limit", {}).get("in_hindsight"), summary.get("sensings_to_95")
+    return needed / least if least and needed else None
+
+
+def _limit(summary: Mapping[str, Any]) -> str:
+    """The actions until 95 % was sensed beside the limit that summary.json keeps; empty where it keeps none."""
+    if (limit := summary.get("limit")) is None:
+        return ""
+    needed, least, mean = summary.get("sensings_to_95"), limit["in_hindsight"], limit["least_mean"]
+    text = f"95 % of the tumours was {'not sensed' if needed is None else f'sensed after {_actions(needed)}'}"
+    if least is not None:
+        times = (
+            "" if (ratio := times_the_least(summary)) is None else f", {ratio:.1f} times the least possible"
+        )
+        text += f"{times}: with the truth known, {_actions(least)} would have been enough."
+    elif limit["is_possible"] is False:
+        text += ": no poses are enough for that, however many."
+    else:
+        text += "; the least possible for this seed is not known."
+    if mean is not None:
+        text += f" Not knowing the truth, no planner needs fewer than {mean:.2f} in the mean over seeds."
+    return text
+
+
+def _actions(n: int) -> str:
+    return f"{n} action{'' if n == 1 else 's'}"
 
 
 def _left(summary: Mapping[str, Any]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping.threads import one_blas_thread
+from planner import Situation
 from sim.episode.episode import Episode
 from sim.episode.measures import SENSED_GOAL
 from sim.episode.setup import Setup
@@ -68,6 +69,7 @@ class SoundingEnv(gymnasium.Env):
         scenario: str = "liver",
         *,
         keeps_map: bool = True,
+        makes_readings: bool | None = None,
         max_steps: int = 100,
         reward_per_tumour: float = 0.0,
         render_mode: str | None = None,
@@ -79,6 +81,8 @@ class SoundingEnv(gymnasium.Env):
             scenario: A scenario's name, or the path of its file.
             keeps_map: Whether readings are made and a map is kept. Without, a step takes some 400 microseconds: no
                 ray is cast, and a cone holds tumour where it holds a detection point.
+            makes_readings: Whether rays are cast where no map is kept, for agents that look at `situation().readings`;
+                None for only with a map, which needs them.
             max_steps: Actions after which an episode is truncated, at least 1.
             reward_per_tumour: Added to the reward for each tumour that is met for the first time.
             render_mode: None; nothing is drawn.
@@ -89,6 +93,8 @@ class SoundingEnv(gymnasium.Env):
         """
         for name in OF_THE_CALL.keys() & options:
             raise FieldError(name, options[name], f"is no option of an environment. {OF_THE_CALL[name]}")
+        if keeps_map and makes_readings is False:
+            raise FieldError("makes_readings", False, "a map is made of readings. Give keeps_map=False too.")
         if max_steps < 1:
             raise FieldError("max_steps", max_steps, "must be 1 or more.")
         if render_mode is not None:
@@ -96,6 +102,7 @@ class SoundingEnv(gymnasium.Env):
         values = {"scenario": scenario, "arm": "none", "motion": "none"} | options
         self.course = Course.of(changed(EpisodeConfig(), **values))
         self.keeps_map, self.max_steps, self.reward_per_tumour = keeps_map, max_steps, reward_per_tumour
+        self.makes_readings = keeps_map if makes_readings is None else makes_readings
         self.render_mode = render_mode
         self.action_space = gymnasium.spaces.Discrete(self.course.n_actions)
         shape = self.course.lattice_shape if keeps_map else None
@@ -115,6 +122,19 @@ class SoundingEnv(gymnasium.Env):
         if self._episode is None:
             raise gymnasium.error.ResetNeeded("No episode was started yet. Call reset().")
         return self._episode
+
+    def situation(self) -> Situation:
+        """What a planner would be shown now, without the truth; `next(planner.rank(env.situation()))` is its action.
+
+        All poses that the probe does not reach are skipped from the start. Readings hold points only where they are
+        made.
+
+        Raises:
+            gymnasium.error.ResetNeeded: There is no episode yet.
+        """
+        setup = self.episode.setup
+        lost = np.flatnonzero(~self._open_actions(setup)[: setup.workspace.n_poses])
+        return replace(self.episode.situation(), skipped=frozenset(lost.tolist()))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -138,7 +158,7 @@ class SoundingEnv(gymnasium.Env):
             parts = replace(parts, make_map=None)
         setup = self.course.setup_of(parts)
         with one_blas_thread():
-            self._episode = make_episode(parts, setup, planner=self._chosen, casts_rays=self.keeps_map)
+            self._episode = make_episode(parts, setup, planner=self._chosen, casts_rays=self.makes_readings)
             self._steps = self._episode.steps(self.max_steps)
         self._history = History(self._open_actions(setup), self.max_steps)
         self._is_tumour_met = np.zeros(len(self._episode.truth.anatomy.tumours), dtype=bool)
@@ -189,7 +209,7 @@ class SoundingEnv(gymnasium.Env):
         is_held = self.episode.setup.cone.contains(anatomy.detection_points_m, T[:3, 3], T[:3, 2])
         self._is_tumour_met[anatomy.detection_tumours[is_held]] = True
         self._sensed_fraction = step.sensed_fraction or 0.0
-        is_met = step.reading.is_occupied.any() if self.keeps_map else is_held.any()
+        is_met = step.reading.is_occupied.any() if self.makes_readings else is_held.any()
         self._history.note_sensed(pose, is_tumour_in_cone=bool(is_met))
 
     def _reason_out_of_reach(self, pose: int) -> str:

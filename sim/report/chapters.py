@@ -13,7 +13,7 @@ from scipy.special import expit
 
 from mapping import average_precision, precision_recall_curve
 from sim.episode.measures import SENSED_GOAL
-from sim.findings.account import account
+from sim.findings.account import account, times_the_least
 from sim.findings.findings import Findings
 from sim.findings.tables import finding_summary
 from sim.record.run_record import RunRecord
@@ -90,6 +90,7 @@ def key_figures(record: RunRecord) -> list[tuple[str, str]]:
     if record.summary.get("visible_fraction") is not None:
         figures.append(("of the organ in some cone", _share(float(record.summary["visible_fraction"]))))
     figures.append(("actions to sense 95 %", str(reached[0] + 1) if len(reached) else "–"))
+    figures += _limit_figures(record)
     if record.field is not None:
         figures.append(("AUPRC of the map", _number(auprc[-1] if len(auprc) else math.nan, 3)))
     duration_s = float(np.nansum(record.numbers("procedure_s")))
@@ -97,6 +98,20 @@ def key_figures(record: RunRecord) -> list[tuple[str, str]]:
     if record.options["arm"] != "none":
         figures.append(("poses not reachable", str(len(record.skipped))))
     return figures
+
+
+def _limit_figures(record: RunRecord) -> list[tuple[str, str]]:
+    """The least possible actions and how many times that the run took, where summary.json keeps a limit."""
+    limit = record.summary.get("limit", {})
+    if limit.get("in_hindsight") is not None:
+        ratio = times_the_least(record.summary)
+        times = "–" if ratio is None else f"{ratio:.1f} ×"
+        return [
+            ("times the least possible", times),
+            ("least possible, in hindsight", str(limit["in_hindsight"])),
+        ]
+    mean = limit.get("least_mean")
+    return [] if mean is None else [("least mean of any planner", f"{mean:.2f}")]
 
 
 def classes(record: RunRecord, findings: Findings) -> list[dict[str, Any]]:

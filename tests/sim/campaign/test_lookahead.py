@@ -7,7 +7,10 @@ import pytest
 
 from planner import RandomOrder, WhatIsLeft, make_planner
 from sim.campaign.lookahead import N_AHEAD, Lookahead
+from sim.campaign.study import Trial
+from sim.campaign.trial import run_trial
 from sim.episode.episode import Episode
+from sim.running.fields import config_of
 
 
 @pytest.mark.parametrize("name", ["random", "multi-resolution"])
@@ -72,3 +75,13 @@ def test_an_episode_without_rays_senses_the_same_share(sphere_setup) -> None:
     assert shares[0] == shares[1]
     with pytest.raises(ValueError, match="casts_rays"):
         Episode(sphere_setup, make_planner("random"), seed=2, casts_rays=False)
+
+
+def test_a_planner_that_looks_at_readings_has_them_in_a_campaign_without_a_map():
+    def poses(kept):
+        config = config_of(
+            scenario="sphere", planner="trained", arm="none", motion="none", steps=8, seed=1001, map=kept
+        )
+        return run_trial(Trial(config)).poses
+
+    assert poses("when-needed") == poses("always")

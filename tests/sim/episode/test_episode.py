@@ -221,7 +221,9 @@ def test_planners_say_which_map_they_were_made_for() -> None:
         name: make_parts(config_of(planner=name)).map_settings.prior_prevalence for name in planner_names()
     }
     calibrated = {name for name, prevalence in chosen.items() if prevalence == 0.02}
-    assert calibrated == {"find-and-outline", "mutual-information", "expected-volume", "greedy-coverage"}
+    assert calibrated == {
+        "find-and-outline", "mutual-information", "expected-volume", "greedy-coverage", "trained",
+    }  # fmt: skip
     assert {chosen[name] for name in set(chosen) - calibrated} == {0.5}
     config = config_of(planner="find-and-outline", map_settings="paper")
     assert make_parts(config).map_settings.prior_prevalence == 0.5

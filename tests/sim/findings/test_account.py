@@ -73,6 +73,40 @@ def test_it_says_what_is_expected_to_be_left_and_what_nobody_could_see() -> None
     assert "6.9% are out of every pose's sight" in told.ended
 
 
+@pytest.mark.parametrize(
+    ("needed", "limit", "said"),
+    [
+        (
+            8,
+            {"in_hindsight": 2, "is_possible": True, "least_mean": 6.664},
+            "95 % of the tumours was sensed after 8 actions, 4.0 times the least possible: with the truth known, 2 "
+            "actions would have been enough. Not knowing the truth, no planner needs fewer than 6.66 in the mean "
+            "over seeds.",
+        ),
+        (
+            None,
+            {"in_hindsight": 1, "is_possible": True, "least_mean": None},
+            "95 % of the tumours was not sensed: with the truth known, 1 action would have been enough.",
+        ),
+        (
+            None,
+            {"in_hindsight": None, "is_possible": False, "least_mean": None},
+            "95 % of the tumours was not sensed: no poses are enough for that, however many.",
+        ),
+        (
+            3,
+            {"in_hindsight": None, "is_possible": None, "least_mean": 6.0},
+            "95 % of the tumours was sensed after 3 actions; the least possible for this seed is not known. Not "
+            "knowing the truth, no planner needs fewer than 6.00 in the mean over seeds.",
+        ),
+    ],
+)
+def test_it_holds_the_actions_against_the_least_possible(needed, limit, said) -> None:
+    told = account(ENDED | {"sensings_to_95": needed, "limit": limit}, OPTIONS, findings())
+    assert told.limit == said
+    assert account(ENDED | {"sensings_to_95": needed}, OPTIONS, findings()).limit == ""
+
+
 def test_a_run_and_a_trial_that_stop_by_cost_say_the_same(tmp_path) -> None:
     options = {
         "scenario": "sphere",

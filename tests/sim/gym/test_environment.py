@@ -9,6 +9,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from planner import make_planner
 from sim.episode.episode import Episode
 from sim.errors import UsageError
 from sim.running.config import EpisodeConfig
@@ -66,6 +67,36 @@ def test_a_map_and_what_is_sensed_are_those_of_an_episode():
         assert info["sensed_fraction"] == step.sensed_fraction
         belief = episode.setup.on_lattice(episode.prediction.probability, outside=0.0)
         np.testing.assert_array_equal(observation["belief"], belief.astype(np.float32))
+
+
+def test_readings_without_a_map_are_those_with_one():
+    poses = {}
+    for keeps_map in (True, False):
+        env = environment(keeps_map=keeps_map, makes_readings=True, max_steps=len(POSES))
+        env.reset(seed=3)
+        observation = [env.step(pose)[0] for pose in POSES][-1]
+        assert ("belief" in observation) is keeps_map
+        readings = env.situation().readings
+        points_m = np.concatenate([each.points_m for each in readings])
+        labels = np.concatenate([each.is_occupied for each in readings])
+        poses[keeps_map] = (points_m, labels, observation["tumour_in_cone"])
+    for with_map, without in zip(poses[True], poses[False], strict=True):
+        np.testing.assert_array_equal(with_map, without)
+    env = environment(**SMALL)
+    env.reset(seed=3)
+    env.step(POSES[0])
+    assert not len(env.situation().readings[0].points_m)
+
+
+def test_a_planner_that_is_shown_the_situation_acts_as_in_an_episode():
+    env = environment(keeps_map=False, makes_readings=True, max_steps=5)
+    env.reset(seed=3)
+    planner = make_planner("trained")
+    chosen = [next(iter(planner.rank(env.situation())))]
+    while not (ended := env.step(chosen[-1]))[2] and not ended[3]:
+        chosen.append(next(iter(planner.rank(env.situation()))))
+    steps = Episode(env.episode.setup, planner, seed=3, tumour_map=None).steps(5, until_sensed=0.95)
+    assert [step.pose_index for step in steps] == chosen
 
 
 def test_the_observation_tells_the_course_of_the_episode():
@@ -134,6 +165,7 @@ def test_a_pose_out_of_reach_is_a_step_without_a_reading(tmp_path):
     observation, _ = env.reset(seed=0)
     lost = int(np.argmin(observation["action_mask"]))
     assert observation["action_mask"][lost] == 0
+    assert env.situation().skipped == set(np.flatnonzero(observation["action_mask"] == 0))
     observation, reward, _, _, info = env.step(lost)
     assert (reward, info["is_reached"], observation["last_pose"]) == (0.0, False, -1)
     assert info["reason"] == env.episode.setup.positioner.reach(lost).explain()
@@ -204,6 +236,7 @@ def test_without_a_seed_the_stream_of_the_first_one_goes_on():
         ({"seed": 3}, r"seed=3: .*reset"),
         ({"motion": "servo"}, "motion=servo: "),
         ({"max_steps": 0}, "max_steps=0: must be 1 or more"),
+        ({"makes_readings": False}, "makes_readings=False: a map is made of readings"),
         ({"stepz": 3}, "unknown option 'stepz'"),
     ],
 )

@@ -75,7 +75,10 @@ def test_a_false_blob_is_told_by_its_share_of_the_cone() -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"reader": "published"}, "goes only with the sensors cone-with-errors and ultrasound; cone has no such options"),
+        (
+            {"reader": "published"},
+            "the sensors cone-with-errors and ultrasound; cone has no such options",
+        ),
         ({"boundary_mm": 1.0}, "goes only with the sensors cone-with-errors"),
         ({**ERRING, "missed_share": 1.5}, "must be from 0 to 1"),
         ({**ERRING, "boundary_length_mm": 0.0}, "must be above 0"),

@@ -13,6 +13,8 @@ from sim.world.sensing.sweep import KeptPlanes
 from .case import MM
 
 if TYPE_CHECKING:
+    from sim.world.sensing.ultrasound.convex_array import ConvexArray
+    from sim.world.sensing.ultrasound.settings import Settings
     from sim.world.sensing.ultrasound.ultrasound_sensor import UltrasoundSensor
 
 
@@ -72,52 +74,65 @@ def ultrasound_sensor_of(own: UltrasoundConfig) -> UltrasoundSensor:
         FieldError: A value is out of range.
         MissingPackageError: numba is not installed.
     """
-    from sim.world.sensing.ultrasound.convex_array import ConvexArray
-    from sim.world.sensing.ultrasound.settings import Settings
-    from sim.world.sensing.ultrasound.ultrasound_sensor import TissueChoice, UltrasoundSensor
-
     for name, low, high in RANGES:
         value = getattr(own, name)
         if value is not None and not low <= value <= high:
             raise FieldError(name, value, f"must be from {low:g} to {high:g}.")
     try:
-        array = ConvexArray(
-            face_width_m=own.array_width_mm * MM,
-            radius_m=own.array_radius_mm * MM,
-            frequency_hz=own.frequency_mhz * 1e6,
-            focus_m=own.focus_mm * MM,
-        )
-        if own.image_depth_mm is not None:
-            array = dataclasses.replace(array, depth_m=own.image_depth_mm * MM)
-        settings = Settings(
-            gain_db=own.gain_db,
-            tgc_db_cm_mhz=own.tgc_db_cm_mhz,
-            range_db=own.dynamic_range_db,
-            n_pixels=own.image_pixels,
-        )
-        tissues = TissueChoice(
+        return _sensor(own)
+    except FieldError as error:
+        field = FIELD_OF.get(error.field, error.field)
+        raise FieldError(field, getattr(own, field), error.problem) from error
+
+
+def _sensor(own: UltrasoundConfig) -> UltrasoundSensor:
+    """The sensor; errors name the settings of its parts."""
+    from sim.world.sensing.ultrasound.ultrasound_sensor import TissueChoice, UltrasoundSensor
+
+    half_deg = own.sweep_half_angle_deg
+    return UltrasoundSensor(
+        array=_array(own),
+        settings=_settings(own),
+        tissues=TissueChoice(
             organ=own.organ_tissue,
             tumour=own.tumour_tissue,
             target=own.target_tissue,
             surroundings=own.surroundings_tissue,
             structures=tuple(_pair(text) for text in own.structure_tissue),
-        )
-        half_deg = own.sweep_half_angle_deg
-        return UltrasoundSensor(
-            array=array,
-            settings=settings,
-            tissues=tissues,
-            has_own_depth=own.image_depth_mm is not None,
-            n_planes=own.planes,
-            half_sweep_rad=None if half_deg is None else math.radians(half_deg),
-            n_points=own.sweep_points,
-            seen_db=own.seen_db,
-            shadow_db=own.shadow_db,
-            tissue_spacing_m=own.tissue_spacing_mm * MM,
-        )
-    except FieldError as error:
-        field = FIELD_OF.get(error.field, error.field)
-        raise FieldError(field, getattr(own, field), error.problem) from error
+        ),
+        has_own_depth=own.image_depth_mm is not None,
+        n_planes=own.planes,
+        half_sweep_rad=None if half_deg is None else math.radians(half_deg),
+        n_points=own.sweep_points,
+        seen_db=own.seen_db,
+        shadow_db=own.shadow_db,
+        tissue_spacing_m=own.tissue_spacing_mm * MM,
+    )
+
+
+def _array(own: UltrasoundConfig) -> ConvexArray:
+    from sim.world.sensing.ultrasound.convex_array import ConvexArray
+
+    array = ConvexArray(
+        face_width_m=own.array_width_mm * MM,
+        radius_m=own.array_radius_mm * MM,
+        frequency_hz=own.frequency_mhz * 1e6,
+        focus_m=own.focus_mm * MM,
+    )
+    if own.image_depth_mm is not None:
+        array = dataclasses.replace(array, depth_m=own.image_depth_mm * MM)
+    return array
+
+
+def _settings(own: UltrasoundConfig) -> Settings:
+    from sim.world.sensing.ultrasound.settings import Settings
+
+    return Settings(
+        gain_db=own.gain_db,
+        tgc_db_cm_mhz=own.tgc_db_cm_mhz,
+        range_db=own.dynamic_range_db,
+        n_pixels=own.image_pixels,
+    )
 
 
 RANGES = (

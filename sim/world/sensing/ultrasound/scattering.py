@@ -84,6 +84,7 @@ def gather_scatterers(
     Returns:
         Number of scatterers that were used.
     """
+    # One loop: with a function for each echo it takes twice as long.
     n_samples, n_lines = strength.shape
     radius, sample, line_rad, half_rad, cycles = fan[0], fan[1], fan[2], fan[3], fan[4]
     far = radius + n_samples * sample

@@ -70,8 +70,6 @@ class Tables:
         share = (np.arange(N_WEIGHTS) + 0.5) / N_WEIGHTS
         weights = np.exp(-0.5 * beam.SLICE_SIGMAS**2 * share)
         pulse_energy = float((pulse.astype(np.float64) ** 2).sum())
-        noise = np.random.default_rng(0).standard_normal(N_NOISE, dtype=np.float32)
-        noise *= 10.0 ** (settings.noise_db / 20.0) / math.sqrt(2.0 * pulse_energy)
         tgc_db = settings.tgc_db_cm_mhz * 2.0 * array.depths_m * 100.0 * array.frequency_hz * 1e-6
         return cls(
             starts_m=starts_m,
@@ -87,9 +85,14 @@ class Tables:
             phases=np.column_stack([np.cos(turns), np.sin(turns)]).astype(np.float32),
             weights=weights.astype(np.float32),
             angles_rad=np.append(np.arcsin(np.linspace(-1.0, 1.0, N_ANGLES + 1)), np.pi / 2.0),
-            noise=noise,
+            noise=_noise(10.0 ** (settings.noise_db / 20.0) / math.sqrt(2.0 * pulse_energy)),
             gains=10.0 ** (np.minimum(tgc_db, MOST_TGC_DB) / 20.0).astype(np.float32),
         )
+
+
+def _noise(deviation: float) -> NDArray[np.float32]:
+    """White noise of a standard deviation, always the same, shape (N_NOISE,)."""
+    return np.random.default_rng(0).standard_normal(N_NOISE, dtype=np.float32) * np.float32(deviation)
 
 
 def _norms(

@@ -71,7 +71,9 @@ class Detail:
             self._is_near[reached] = True
             if self._place_tree is None:
                 self._place_tree = KDTree(self._places_m)
-            self._is_hit[self._place_tree.query(tumour_m)[1]] = True
+            # A label that may err with all about it makes no finding by itself.
+            if reading.weight is None:
+                self._is_hit[self._place_tree.query(tumour_m)[1]] = True
         is_answered = self._is_near & ~self._is_stale
         if len(entered_m) and is_answered.any():
             farthest_m = float(self._last_neighbour_m[is_answered].max())

@@ -44,7 +44,8 @@ class Reading:
         """
         per_point = ("points_m", "is_occupied", "is_target", "log_odds", "weight")
         arrays = {name: getattr(self, name) for name in per_point if getattr(self, name) is not None}
-        return replace(self, **{name: array[is_kept] for name, array in arrays.items()})
+        images = None if self.images is None else self.images.part(is_kept)
+        return replace(self, images=images, **{name: array[is_kept] for name, array in arrays.items()})
 
     @property
     def labels(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], Values, Values]:

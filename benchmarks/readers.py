@@ -5,9 +5,9 @@
 
 Episodes of find-and-outline with a free probe. `flips` gets 5 per cent of all labels wrong, one by one; `published`
 errs as published readers of liver ultrasound do. Actions to 95 % are those until 95 % of the tumours was sensed,
-`--readings` where it never was, and `never` counts these. Points in doubt have 0.02 < p < 0.98. A finding is a piece that
-the map calls tumour; of those whose likeliest point has at least 0.9, the table tells how many touch a lesion. Rates are
-the means of those that the trust has learnt in the end.
+`--readings` where it never was, and `never` counts these. Points in doubt have 0.02 < p < 0.98. A finding is a piece
+that the map calls tumour; of those whose likeliest point has at least 0.9, the table tells how many touch a lesion.
+Rates are the means of those that the trust has learnt in the end.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
+from scipy.special import bdtrc
 
 from ..labelled_points import LabelledPoints
 from ..prediction import Prediction
@@ -31,7 +32,9 @@ _SURE_TUMOUR, _SURE_FREE = 0.9, 0.02
 _BESIDE_M = 0.008
 """Labels of tumour within this distance of likely tumour belong to it [m]."""
 _LEAST_AGREEING = 3
-"""Labels of tumour, among the 8 nearest to one, that are no slips together."""
+"""Labels of tumour, among the 8 nearest to one, that are no slips together where slips are rare."""
+_CHANCE = 1e-3
+"""Slips that make a cluster less often than this are not what made it."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ class LabelTrust:
         if self._place_tree is None:
             self._place_tree = KDTree(points_m)
         if len(reading.points_m) >= N_NEIGHBOURS:
-            self._views.append(_view(reading, self._place_tree, self.rates.together_m))
+            self._views.append(_view(reading, self._place_tree, self.rates))
         missed, invented, probability = _Counts(), _Counts(), prediction.probability
         likely_m = points_m[probability > 0.5]
         likely = KDTree(likely_m) if len(likely_m) else None
@@ -150,13 +153,17 @@ class LabelTrust:
         return min((getattr(self._prior, name) * n + counts.errors) / (n + counts.cases), 0.45)
 
 
-def _view(reading: LabelledPoints, places: KDTree, together_m: float) -> _View:
+def _view(reading: LabelledPoints, places: KDTree, rates: ErrorRates) -> _View:
     """What a reading says of the places next to those of its labels of which it is sure."""
     is_tumour = reading.is_occupied
     agreeing = n_agreeing(reading.points_m, is_tumour)
-    is_sure = agreeing >= np.where(is_tumour, _LEAST_AGREEING, N_NEIGHBOURS)
+    # Slips of free points make small clusters by chance, and the more of them the larger.
+    is_cluster = (agreeing >= _LEAST_AGREEING) & (
+        bdtrc(agreeing - 1, N_NEIGHBOURS, rates.false_positive) < _CHANCE
+    )
+    is_sure = np.where(is_tumour, is_cluster, agreeing == N_NEIGHBOURS)
     points_m, is_tumour = reading.points_m[is_sure], is_tumour[is_sure]
-    weight = 1.0 / n_together(points_m, is_tumour, together_m)
+    weight = 1.0 / n_together(points_m, is_tumour, rates.together_m)
     return _View(points_m, np.asarray(places.query(points_m)[1], dtype=np.intp), is_tumour, weight)
 
 

@@ -25,4 +25,4 @@ PUBLISHED = ReaderErrors(
     false_blobs=0.02,
     false_blob_radius_m=0.006,
 )
-"""The errors of `--reader published`."""
+"""What the reader `published` gets wrong."""

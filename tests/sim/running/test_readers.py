@@ -102,3 +102,32 @@ def test_a_run_with_a_reader_that_errs_is_the_same_again(tmp_path) -> None:
     assert summaries[0]["auprc"] == summaries[1]["auprc"]
     maps = [(tmp_path / name / "map.npz").read_bytes() for name in ("one", "two")]
     assert maps[0] == maps[1]
+
+
+def test_pictures_may_be_read_with_errors_too() -> None:
+    pytest.importorskip("numba")
+    pictures = {"sensor": "ultrasound", "scenario": "sphere", "arm": "none"}
+    exact = make_parts(config_of(pictures))
+    assert not isinstance(exact.sensor, ErringSensor)
+    assert exact.trust is None
+    erring = make_parts(config_of(pictures, reader="published"))
+    assert isinstance(erring.sensor, ErringSensor)
+    assert erring.sensor.exact == exact.sensor
+    assert erring.trust.learns
+
+
+def test_a_reading_with_pictures_keeps_the_plane_of_each_point_that_stays(tmp_path) -> None:
+    pytest.importorskip("numba")
+    parts = make_parts(
+        config_of(
+            sensor="ultrasound", scenario="sphere", arm="none", penetration_mm=60.0, planes=4, image_pixels=64
+        )
+    )
+    episode = sounding.Episode(
+        sounding.build_setup(sounding.load_scenario("sphere")), parts.planner, seed=0, sensor=parts.sensor
+    )
+    reading = next(episode.steps(1)).reading
+    depth_m = (reading.points_m - reading.T_world_probe[:3, 3]) @ reading.T_world_probe[:3, 2]
+    assert depth_m.max() <= 0.06
+    assert reading.images is not None
+    assert reading.images.planes.shape == reading.is_occupied.shape

@@ -9,6 +9,9 @@ from scipy.spatial import KDTree
 from ..labelled_points import LabelledPoints
 from .local_classifier import Neighbours
 
+_MOST_CHANCE = 0.99
+"""Largest chance of a false label; at 1 a label would say nothing, and its spread would be infinite."""
+
 
 class LabelMemory:
     """The labels of all readings, one of each kind in each small cube; `add` changes it.
@@ -107,7 +110,7 @@ class LabelMemory:
         is_known = ~np.isnan(log_odds)
         if not is_known.any():
             return Neighbours(points_m, is_tumour, *rates, 1.0)
-        chance = np.exp(-np.abs(log_odds))
+        chance = np.minimum(np.exp(-np.abs(log_odds)), _MOST_CHANCE)
         false_positive = np.where(is_known, np.where(is_tumour, chance, 0.0), rates[0])
         false_negative = np.where(is_known, np.where(is_tumour, 0.0, chance), rates[1])
         reading = self.reading[nearest]

@@ -4,8 +4,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapping import DetailSettings
 from mapping.labelled_points import LabelledPoints
 from mapping.near_tumour.label_memory import LabelMemory
+from mapping.near_tumour.local_classifier import classify
 
 CUBE_M, RANGE_M = 0.004, 0.011
 
@@ -66,3 +68,28 @@ def test_scattered_false_labels_bring_nothing_into_play_where_the_sensor_is_know
     knowing.add(reading)
     assert len(trusting.tumour_m) == reading.is_occupied.sum()
     assert len(knowing.tumour_m) <= 1  # one in a thousand labels passes by chance
+
+
+def test_labels_that_say_nothing_leave_a_place_all_but_as_it_was():
+    """At log odds of zero a label of tumour would have an infinite spread."""
+    rng, settings = np.random.default_rng(0), DetailSettings()
+    memory = LabelMemory(cube_m=1e-6, range_m=0.02, false_positive_rate=0.0)
+    points_m = rng.uniform(-0.004, 0.004, (24, 3))
+    told = LabelledPoints(points_m, np.ones(24, bool), np.zeros(24), np.full(24, 1 / 24))
+    memory.add(told)
+    memory.is_in_play[:] = True
+    nearest = np.arange(24)[None]
+    mean, variance = classify(np.zeros((1, 3)), memory.neighbours_of(nearest, (0.0, 0.0)), settings)
+    assert np.isfinite(mean).all()
+    assert variance[0] > 0.5 * settings.variance
+
+
+def test_what_labels_tell_becomes_rates_of_which_one_is_zero():
+    memory = LabelMemory(cube_m=1e-6, range_m=1.0, false_positive_rate=0.0)
+    points_m = np.array([[0.0, 0.0, 0.0], [0.001, 0.0, 0.0], [0.0, 0.001, 0.0]])
+    labels = np.array([True, False, True])
+    memory.add(LabelledPoints(points_m, labels, np.array([3.0, -2.0, 6.0]), np.full(3, 0.25)))
+    own = memory.neighbours_of(np.array([[0, 1, 2]]), (0.0, 0.0))
+    np.testing.assert_allclose(own.false_positive, [[np.exp(-3.0), 0.0, np.exp(-6.0)]])
+    np.testing.assert_allclose(own.false_negative, [[0.0, np.exp(-2.0), 0.0]])
+    np.testing.assert_allclose(own.weight, [[1 / 3] * 3])

@@ -147,7 +147,8 @@ def check_parts(
         raise ValueError(f"seed={seed}: must be 0 or more.")
     if planner.needs_belief and tumour_map is None:
         raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
-    if planner.needs_readings and not casts_rays:
+    # A planner of one's own may derive from no class of ours.
+    if getattr(planner, "needs_readings", False) and not casts_rays:
         raise ValueError(f"{type(planner).__name__} needs readings: casts_rays must be True.")
     if tumour_map is not None and not casts_rays:
         raise ValueError("A map needs readings: casts_rays must be True.")

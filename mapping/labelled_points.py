@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 from scipy.special import bdtrc
 
-_N_NEIGHBOURS = 8
+N_NEIGHBOURS = 8
 """Number of points, the labelled one included, whose labels decide about a tumour label."""
-_CHANCE = 1e-3
+CHANCE = 1e-3
 """A label is believed where false labels would agree with it, among its neighbours, less often than this."""
 
 _BELIEVED = 5.0
@@ -55,12 +55,25 @@ class LabelledPoints:
             false_positive_rate = float(np.exp(-np.median(log_odds)))
         if false_positive_rate <= 0.0 or not len(occupied_m):
             return occupied_m
-        n = min(_N_NEIGHBOURS, len(self.points_m))
-        # A list of neighbours keeps the shape (B, n) where n is 1; the stubs know only a number.
-        _, nearest = self._tree.query(occupied_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType]
-        n_called = self.is_occupied[nearest].sum(axis=1)
-        return occupied_m[bdtrc(n_called - 1, n, false_positive_rate) < _CHANCE]
+        return occupied_m[self.slip_chance(false_positive_rate)[self.is_occupied] < CHANCE]
+
+    def slip_chance(self, rate: ArrayLike) -> NDArray[np.float64]:
+        """The chance that labels which are wrong by themselves agree at each point as those around it do, shape (K,).
+
+        That is P(Binomial(8, rate) >= m), where m of the 8 points nearest to one, itself included, have its label.
+
+        Args:
+            rate: Share of labels of the point's kind that are wrong by themselves, one for all or of shape (K,).
+        """
+        return bdtrc(self.n_agreeing - 1, min(N_NEIGHBOURS, len(self.points_m)), rate)
 
     @cached_property
-    def _tree(self) -> KDTree:
-        return KDTree(self.points_m)
+    def n_agreeing(self) -> NDArray[np.int64]:
+        """How many of the 8 points nearest to each, itself included, have its label, shape (K,)."""
+        if not len(self.points_m):
+            return np.zeros(0, dtype=np.int64)
+        n = min(N_NEIGHBOURS, len(self.points_m))
+        tree = KDTree(self.points_m)
+        # A list of neighbours keeps the shape (K, n) where n is 1; the stubs know only a number.
+        _, nearest = tree.query(self.points_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType]
+        return (self.is_occupied[nearest] == self.is_occupied[:, None]).sum(axis=1)

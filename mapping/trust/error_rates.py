@@ -50,4 +50,4 @@ class ErrorRates:
 
 PRIOR = ErrorRates(false_positive=0.002, false_negative=0.002, missed=0.08, invented=0.002)
 """What is expected of a sensor of which nobody tells more: slips are rare, and views of lesions err as those of readers
-of ultrasound do (docs/sensing.md)."""
+of ultrasound do (docs/readers.md)."""

@@ -20,66 +20,41 @@ the map's latent crosses zero where they balance; to lower the odds of labels ne
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
-from scipy.special import bdtrc
 
 from ..labelled_points import LabelledPoints
 from ..likelihood import label_log_odds
 from .error_rates import ErrorRates
 
-N_NEIGHBOURS = 8
-"""Points, the labelled one included, whose labels tell a slip from a finding."""
 _LEAST_CHANCE = 1e-6
 """No label is believed beyond this chance of being wrong, where labels err at all."""
 
 
-def judged(
-    points_m: NDArray[np.float64], is_occupied: NDArray[np.bool_], rates: ErrorRates
-) -> LabelledPoints:
-    """The labels of a reading with how far each can be believed.
+def judged(reading: LabelledPoints, rates: ErrorRates) -> LabelledPoints:
+    """A reading with how far each of its labels can be believed.
 
     Args:
-        points_m: Points of one reading [m], shape (n, 3).
-        is_occupied: Their labels, shape (n,).
+        reading: Points of one view and their labels.
         rates: How the sensor errs.
     """
+    is_tumour = reading.is_occupied
     if not rates.err_together:
-        log_odds = label_log_odds(is_occupied.astype(float), rates.false_positive, rates.false_negative)
-        return LabelledPoints(points_m, is_occupied, log_odds)
-    if not len(points_m):
-        return LabelledPoints(points_m, is_occupied, np.empty(0), np.empty(0))
-    slip = np.clip(_slips(points_m, is_occupied, rates), _LEAST_CHANCE, 0.5)
-    # What is wrong of a label, and what the label is if its place is as it says.
-    if_wrong = np.where(is_occupied, rates.invented, rates.missed)
-    if_right = np.where(is_occupied, rates.missed, rates.invented)
+        log_odds = label_log_odds(is_tumour.astype(float), rates.false_positive, rates.false_negative)
+        return replace(reading, log_odds=log_odds)
+    slip = reading.slip_chance(np.where(is_tumour, rates.false_positive, rates.false_negative))
+    slip = np.clip(slip, _LEAST_CHANCE, 0.5)
+    # The chance that a view errs about a place so that this label comes out, or so that the other one does.
+    if_wrong = np.where(is_tumour, rates.invented, rates.missed)
+    if_right = np.where(is_tumour, rates.missed, rates.invented)
     wrong = if_wrong + (1.0 - if_wrong) * slip
     right = (1.0 - if_right) * (1.0 - slip)
-    log_odds = np.where(is_occupied, 1.0, -1.0) * np.maximum(np.log(right / wrong), 0.0)
-    weight = 1.0 / n_together(points_m, is_occupied, rates.together_m)
-    return LabelledPoints(points_m, is_occupied, log_odds, weight)
-
-
-def n_agreeing(points_m: NDArray[np.float64], is_occupied: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """How many of the points nearest to each, itself included, have its label, shape (n,); from 1 to 8.
-
-    Args:
-        points_m: Points of one reading [m], shape (n, 3), n at least 1.
-        is_occupied: Their labels, shape (n,).
-    """
-    n = min(N_NEIGHBOURS, len(points_m))
-    # A list of neighbours keeps the shape (n, k) where k is 1; the stubs know only a number.
-    _, nearest = KDTree(points_m).query(points_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType]
-    return (is_occupied[nearest] == is_occupied[:, None]).sum(axis=1)
-
-
-def _slips(
-    points_m: NDArray[np.float64], is_occupied: NDArray[np.bool_], rates: ErrorRates
-) -> NDArray[np.float64]:
-    """The chance that slips of single points explain each label and those that agree with it nearby, shape (n,)."""
-    rate = np.where(is_occupied, rates.false_positive, rates.false_negative)
-    return bdtrc(n_agreeing(points_m, is_occupied) - 1, min(N_NEIGHBOURS, len(points_m)), rate)
+    log_odds = np.where(is_tumour, 1.0, -1.0) * np.maximum(np.log(right / wrong), 0.0)
+    weight = 1.0 / n_together(reading.points_m, is_tumour, rates.together_m)
+    return replace(reading, log_odds=log_odds, weight=weight)
 
 
 def n_together(

@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
-from scipy.special import bdtrc
 
-from ..labelled_points import LabelledPoints
+from ..labelled_points import CHANCE, N_NEIGHBOURS, LabelledPoints
 from ..prediction import Prediction
 from .error_rates import ErrorRates
-from .judging import N_NEIGHBOURS, judged, n_agreeing, n_together
+from .judging import judged, n_together
 from .settings import TrustSettings
 
 _CASES = {"false_positive": 200.0, "false_negative": 50.0, "missed": 5.0, "invented": 1000.0}
@@ -33,8 +32,8 @@ _BESIDE_M = 0.008
 """Labels of tumour within this distance of likely tumour belong to it [m]."""
 _LEAST_AGREEING = 3
 """Labels of tumour, among the 8 nearest to one, that are no slips together where slips are rare."""
-_CHANCE = 1e-3
-"""Slips that make a cluster less often than this are not what made it."""
+_MOST = 0.45
+"""No rate is learnt to be larger: from one half on labels would say nothing, or the opposite."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,17 @@ class _Counts:
 
     errors: float = 0.0
     cases: float = 0.0
+
+    def with_more(
+        self,
+        is_case: NDArray[np.bool_],
+        is_error: NDArray[np.bool_],
+        weight: NDArray[np.float64] | float = 1.0,
+    ) -> _Counts:
+        """The counts with those of more labels, each of which counts for `weight` cases."""
+        counts = np.broadcast_to(weight, is_case.shape)
+        errors, cases = (float(counts[each].sum()) for each in (is_case & is_error, is_case))
+        return _Counts(self.errors + errors, self.cases + cases)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +82,7 @@ class LabelTrust:
         self._prior = ErrorRates() if settings is None else settings.rates
         self.learns = settings is not None and settings.learns
         self.rates = self._prior
-        self._slips = {True: _Counts(), False: _Counts()}
+        self._counts = dict.fromkeys(_CASES, _Counts())
         self._views: list[_View] = []
         self._place_tree: KDTree | None = None
 
@@ -86,8 +96,8 @@ class LabelTrust:
             return reading
         if self.learns:
             self._count_slips(reading)
-            self._update_rates(missed=None, invented=None)
-        return judged(reading.points_m, reading.is_occupied, self.rates)
+            self._learn()
+        return judged(reading, self.rates)
 
     def observe(self, reading: LabelledPoints, points_m: NDArray[np.float64], prediction: Prediction) -> None:
         """Learns from what all readings so far, the last one included, say of the places of which the map is sure.
@@ -103,73 +113,56 @@ class LabelTrust:
             self._place_tree = KDTree(points_m)
         if len(reading.points_m) >= N_NEIGHBOURS:
             self._views.append(_view(reading, self._place_tree, self.rates))
-        missed, invented, probability = _Counts(), _Counts(), prediction.probability
-        likely_m = points_m[probability > 0.5]
-        likely = KDTree(likely_m) if len(likely_m) else None
-        for view in self._views:
-            chance = probability[view.place]
-            is_tumour = view.is_tumour
-            missed = _added(missed, chance > _SURE_TUMOUR, ~is_tumour, view.weight)
-            is_free = chance < _SURE_FREE
-            if likely is not None:
-                # Outlines stray a little: what lies beside a lesion is not invented.
-                called = np.flatnonzero(is_tumour & is_free)
-                gap_m, _ = likely.query(view.points_m[called], distance_upper_bound=_BESIDE_M)
-                is_free[called[np.isfinite(gap_m)]] = False
-            invented = _added(invented, is_free, is_tumour, view.weight)
-        self._update_rates(missed=missed, invented=invented)
+        self._count_views(points_m, prediction.probability)
+        self._learn()
 
     def _count_slips(self, reading: LabelledPoints) -> None:
         """Counts the labels with whom hardly a neighbour agrees, and all points with such neighbours."""
         if len(reading.points_m) < N_NEIGHBOURS:
             return
-        n_others = n_agreeing(reading.points_m, reading.is_occupied) - 1
+        n_others = reading.n_agreeing - 1
         n_tumour = np.where(reading.is_occupied, n_others, N_NEIGHBOURS - 1 - n_others)
-        for is_tumour in (True, False):
-            # A label of tumour is a slip among free points, and the other way round.
-            n_against = N_NEIGHBOURS - 1 - n_tumour if is_tumour else n_tumour
+        for name, is_slip, n_against in (
+            ("false_positive", reading.is_occupied, N_NEIGHBOURS - 1 - n_tumour),
+            ("false_negative", ~reading.is_occupied, n_tumour),
+        ):
             is_case = n_against >= N_NEIGHBOURS - 2
-            is_slip = is_case & (reading.is_occupied == is_tumour)
-            counts = self._slips[is_tumour]
-            self._slips[is_tumour] = _Counts(
-                counts.errors + float(is_slip.sum()), counts.cases + float(is_case.sum())
-            )
+            self._counts[name] = self._counts[name].with_more(is_case, is_slip)
 
-    def _update_rates(self, *, missed: _Counts | None, invented: _Counts | None) -> None:
-        counts = {
-            "false_positive": self._slips[True],
-            "false_negative": self._slips[False],
-            "missed": missed,
-            "invented": invented,
+    def _count_views(self, points_m: NDArray[np.float64], probability: NDArray[np.float64]) -> None:
+        """Counts anew what all views missed and invented, by what the map is sure of now."""
+        missed, invented = _Counts(), _Counts()
+        likely_m = points_m[probability > 0.5]
+        likely = KDTree(likely_m) if len(likely_m) else None
+        for view in self._views:
+            chance = probability[view.place]
+            missed = missed.with_more(chance > _SURE_TUMOUR, ~view.is_tumour, view.weight)
+            is_free = chance < _SURE_FREE
+            if likely is not None:
+                # Outlines stray a little: what lies beside a lesion is not invented.
+                called = np.flatnonzero(view.is_tumour & is_free)
+                gap_m, _ = likely.query(view.points_m[called], distance_upper_bound=_BESIDE_M)
+                is_free[called[np.isfinite(gap_m)]] = False
+            invented = invented.with_more(is_free, view.is_tumour, view.weight)
+        self._counts |= {"missed": missed, "invented": invented}
+
+    def _learn(self) -> None:
+        """Sets each rate to its posterior mean, below one half."""
+        means = {
+            name: (getattr(self._prior, name) * n + self._counts[name].errors)
+            / (n + self._counts[name].cases)
+            for name, n in _CASES.items()
         }
-        self.rates = replace(
-            self.rates,
-            **{name: self._mean(name, each) for name, each in counts.items() if each is not None},
-        )
-
-    def _mean(self, name: str, counts: _Counts) -> float:
-        """The posterior mean of a rate, kept below one half."""
-        n = _CASES[name]
-        return min((getattr(self._prior, name) * n + counts.errors) / (n + counts.cases), 0.45)
+        self.rates = replace(self._prior, **{name: min(mean, _MOST) for name, mean in means.items()})
 
 
 def _view(reading: LabelledPoints, places: KDTree, rates: ErrorRates) -> _View:
     """What a reading says of the places next to those of its labels of which it is sure."""
     is_tumour = reading.is_occupied
-    agreeing = n_agreeing(reading.points_m, is_tumour)
     # Slips of free points make small clusters by chance, and the more of them the larger.
-    is_cluster = (agreeing >= _LEAST_AGREEING) & (
-        bdtrc(agreeing - 1, N_NEIGHBOURS, rates.false_positive) < _CHANCE
-    )
-    is_sure = np.where(is_tumour, is_cluster, agreeing == N_NEIGHBOURS)
+    is_cluster = reading.slip_chance(rates.false_positive) < CHANCE
+    is_cluster &= reading.n_agreeing >= _LEAST_AGREEING
+    is_sure = np.where(is_tumour, is_cluster, reading.n_agreeing == N_NEIGHBOURS)
     points_m, is_tumour = reading.points_m[is_sure], is_tumour[is_sure]
     weight = 1.0 / n_together(points_m, is_tumour, rates.together_m)
     return _View(points_m, np.asarray(places.query(points_m)[1], dtype=np.intp), is_tumour, weight)
-
-
-def _added(
-    counts: _Counts, is_case: NDArray[np.bool_], is_error: NDArray[np.bool_], weight: NDArray[np.float64]
-) -> _Counts:
-    return _Counts(
-        counts.errors + float(weight[is_case & is_error].sum()), counts.cases + float(weight[is_case].sum())
-    )

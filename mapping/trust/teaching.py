@@ -19,12 +19,12 @@ def teach(tumour_map: TumourMap, labels: LabelledPoints) -> None:
     told = {
         name: values
         for name, values in (("log_odds", labels.log_odds), ("weight", labels.weight))
-        if values is not None and takes(tumour_map, name)
+        if values is not None and _takes(tumour_map, name)
     }
     tumour_map.update(labels.points_m, labels.is_occupied, **told)
 
 
-def takes(tumour_map: Any, name: str) -> bool:
+def _takes(tumour_map: Any, name: str) -> bool:
     """Whether the `update` of a map takes an argument of that name."""
     parameters = inspect.signature(tumour_map.update).parameters.values()
     return any(each.name == name or each.kind is each.VAR_KEYWORD for each in parameters)

@@ -131,7 +131,7 @@ def _left_by(
     left = np.ones(len(balls.radii_m))
     tumour_m = [reading.believed_tumour_m(false_positive_rate) for reading in readings]
     if any(reading.log_odds is not None for reading in readings):
-        return _left_by_doubtful(balls, readings, np.concatenate(tumour_m))
+        return _left_by_doubtful(balls, readings, np.concatenate(tumour_m), false_negative_rate)
     free_m = [reading.points_m[~reading.is_occupied] for reading in readings]
     for points_m, rate in ((np.concatenate(tumour_m), 0.0), (np.concatenate(free_m), false_negative_rate)):
         if len(points_m):
@@ -142,7 +142,10 @@ def _left_by(
 
 
 def _left_by_doubtful(
-    balls: HiddenBalls, readings: tuple[LabelledPoints, ...], believed_m: NDArray[np.float64]
+    balls: HiddenBalls,
+    readings: tuple[LabelledPoints, ...],
+    believed_m: NDArray[np.float64],
+    false_negative_rate: float,
 ) -> NDArray[np.float64]:
     """The share that readings leave of each ball's weight where labels say how far they can be believed, shape (B,).
 
@@ -152,13 +155,16 @@ def _left_by_doubtful(
         balls: The balls.
         readings: The readings.
         believed_m: Labels of tumour that can be believed [m], shape (T, 3).
+        false_negative_rate: The same for labels of readings that do not say, as exp(L).
     """
     left = np.ones(len(balls.radii_m))
+    with np.errstate(divide="ignore"):
+        unsaid = np.log(false_negative_rate)
     for reading in readings:
         free = np.flatnonzero(~reading.is_occupied)
-        if free.size and reading.log_odds is not None:
-            weight = np.ones(free.size) if reading.weight is None else reading.weight[free]
-            said = np.append(weight * reading.log_odds[free], 0.0)
+        if free.size:
+            said = np.full(free.size, unsaid) if reading.log_odds is None else reading.log_odds[free]
+            said = said if reading.weight is None else reading.weight[free] * said
             tree = KDTree(reading.points_m[free], balanced_tree=False, compact_nodes=False)
             held = tree.query_ball_point(balls.centres_m, balls.radii_m)
             left *= np.exp([said[each].sum() for each in held])

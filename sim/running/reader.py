@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 ReaderName = Literal["exact", "published"]
 LabelTrustName = Literal["exact", "told", "learnt"]
-_BLOB_SPREAD = 0.3
-"""Standard deviation of the logarithm of a false blob's radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +29,7 @@ class ReaderConfig:
 
     reader: ReaderName = "exact"
     """Reader: exact (errs only as the options below say), or published (errs as published readers of liver ultrasound
-    do; docs/sensing.md has the figures)."""
+    do; docs/readers.md has the figures)."""
     flipped_free: float | None = None
     """Share of free points that the reader calls tumour, each by itself."""
     flipped_tumour: float | None = None
@@ -64,8 +62,8 @@ class ReaderConfig:
     """Standard deviation, about each axis, of the believed turn of the tip about the true one [degrees]."""
     label_trust: LabelTrustName | None = None
     """How far the map and the planner trust labels: exact (they are never wrong), told (they know the rates at which
-    the reader errs) or learnt (they find the rates as readings come); by default learnt where a reader
-    errs, and exact with all other sensors."""
+    the reader errs) or learnt (they find the rates as readings come); by default learnt where a reader errs, and
+    exact with all other sensors."""
 
 
 _UNITS = {
@@ -78,18 +76,8 @@ _UNITS = {
     "tracking_deg": ("tracking_rad", math.pi / 180.0),
 }
 """The errors that fields become which people set in other units, and the factor to them."""
-_NOT_ERRORS = ("reader", "shadowing", "label_trust")
-
-
-def errors_given(config: ReaderConfig) -> dict[str, float]:
-    """The errors that the options name, by the fields of `ReaderErrors`."""
-    given = {}
-    for field in dataclasses.fields(config):
-        value = getattr(config, field.name)
-        if field.name not in _NOT_ERRORS and value is not None:
-            name, factor = _UNITS.get(field.name, (field.name, 1.0))
-            given[name] = value * factor
-    return given
+_NOT_ERRORS = ("reader", "shadowing")
+"""Options of a reader that are no size of an error."""
 
 
 def reader_errors(config: ReaderConfig) -> ReaderErrors:
@@ -102,14 +90,17 @@ def reader_errors(config: ReaderConfig) -> ReaderErrors:
     from sim.world.sensing.errors.reader_errors import ReaderErrors
 
     errors = PUBLISHED if config.reader == "published" else ReaderErrors()
-    fields = {name: field for field, (name, _) in _UNITS.items()}
-    for name, value in errors_given(config).items():
-        field = fields.get(name, name)
+    for field in _given(config):
+        if field in _NOT_ERRORS:
+            continue
+        name, factor = _UNITS.get(field, (field, 1.0))
+        value = getattr(config, field)
         try:
-            errors = dataclasses.replace(errors, **{name: value})
+            errors = dataclasses.replace(errors, **{name: value * factor})
         except UsageError as error:
-            must = str(error).split("` ", 1)[1].split(", not ")[0]
-            raise FieldError(field, getattr(config, field), f"{must}.") from error
+            # The text names errors as `ReaderErrors` does, and ends with their values there.
+            text = str(error)
+            raise FieldError(field, value, f"{text[text.index('must') :].split(', not ')[0]}.") from error
     return errors
 
 
@@ -173,11 +164,10 @@ def told_rates(errors: ReaderErrors, cone: Cone) -> ErrorRates:
         errors: What the reader gets wrong.
         cone: What a view holds.
     """
-    blob_m3 = 4.0 / 3.0 * math.pi * errors.false_blob_radius_m**3 * math.exp(4.5 * _BLOB_SPREAD**2)
     cone_m3 = math.pi / 3.0 * cone.depth_m**3 * math.tan(cone.half_angle_rad) ** 2
     return ErrorRates(
         false_positive=errors.flipped_free,
         false_negative=errors.flipped_tumour,
         missed=min(errors.missed_share, 0.45),
-        invented=min(errors.false_blobs * blob_m3 / cone_m3, 0.45),
+        invented=min(errors.false_blobs * errors.false_blob_m3 / cone_m3, 0.45),
     )

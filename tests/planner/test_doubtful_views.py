@@ -81,3 +81,14 @@ def test_what_labels_leave_of_hidden_balls_is_the_product_of_what_they_say() -> 
             held = np.linalg.norm(reading.points_m - centre_m, axis=1) <= radius_m
             expected[number] *= 0.3 ** reading.weight[held].sum()
     np.testing.assert_allclose(still_hiding(balls, readings, 0.0), expected, rtol=1e-6)
+
+
+def test_a_reading_that_does_not_say_is_taken_by_the_rate_also_beside_one_that_does() -> None:
+    balls = hidden_balls(flat_workspace(), make_situation().cone, box_points(), None, BallPrior(n_balls=60))
+    points_m = np.random.default_rng(0).uniform((-0.08, -0.08, -0.08), (0.08, 0.08, -0.01), (400, 3))
+    silent = LabelledPoints(points_m, np.zeros(400, bool))
+    says_nothing = LabelledPoints(points_m, np.zeros(400, bool), np.zeros(400))
+    for rate in (0.0, 0.2):
+        np.testing.assert_allclose(
+            still_hiding(balls, (silent, says_nothing), rate), still_hiding(balls, (silent,), rate), rtol=1e-9
+        )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from .sweep import Sweep
 
-Values = NDArray[np.float64] | None
+_Values = NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Reading:
         return replace(self, images=images, **{name: array[is_kept] for name, array in arrays.items()})
 
     @property
-    def labels(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], Values, Values]:
+    def labels(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], _Values, _Values]:
         """Points, labels, and what is said of each label: what a map learns from."""
         return self.points_m, self.is_occupied, self.log_odds, self.weight
 

@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from mapping import ErrorRates, HilbertMap, LabelledPoints, Lattice, MapSettings
 from mapping.likelihood import label_log_odds
-from mapping.trust.judging import judged, n_agreeing, n_together
+from mapping.trust.judging import judged, n_together
 
 LATTICE = Lattice.from_box((-0.04, -0.04, -0.04), (0.04, 0.04, 0.04), spacing_m=0.008)
 
@@ -19,13 +19,13 @@ def points(n: int, seed: int = 0, half_m: float = 0.02):
 
 def test_labels_that_err_alone_say_what_their_rates_say() -> None:
     is_tumour = np.arange(20) % 3 == 0
-    own = judged(points(20), is_tumour, ErrorRates(false_positive=0.05, false_negative=0.2))
+    own = judged(LabelledPoints(points(20), is_tumour), ErrorRates(false_positive=0.05, false_negative=0.2))
     np.testing.assert_allclose(own.log_odds, label_log_odds(is_tumour.astype(float), 0.05, 0.2))
     assert own.weight is None
 
 
 def test_a_sensor_without_errors_says_it_for_certain() -> None:
-    own = judged(points(5), np.array([True, False, True, False, False]), ErrorRates())
+    own = judged(LabelledPoints(points(5), np.array([True, False, True, False, False])), ErrorRates())
     assert np.array_equal(np.isposinf(own.log_odds), own.is_occupied)
 
 
@@ -77,8 +77,8 @@ def test_lone_labels_are_slips_and_labels_in_company_are_not() -> None:
     is_tumour[0] = True
     is_tumour[np.linalg.norm(grid - grid[-1], axis=1) < 0.011] = True
     rates = ErrorRates(false_positive=0.05, false_negative=0.05, missed=0.08, invented=0.002)
-    own = judged(grid, is_tumour, rates)
-    agreeing = n_agreeing(grid, is_tumour)
+    own = judged(LabelledPoints(grid, is_tumour), rates)
+    agreeing = LabelledPoints(grid, is_tumour).n_agreeing
     assert agreeing[0] == 1
     assert agreeing[-1] >= 4
     slip = binom.sf(0, 8, 0.05)
@@ -93,7 +93,7 @@ def test_no_label_speaks_against_itself() -> None:
     """However bad the sensor, a label of tumour never makes a place less likely tumour."""
     rates = ErrorRates(false_positive=0.45, false_negative=0.45, missed=0.5, invented=0.45)
     is_tumour = np.random.default_rng(1).random(100) < 0.5
-    own = judged(points(100), is_tumour, rates)
+    own = judged(LabelledPoints(points(100), is_tumour), rates)
     assert np.all(np.where(is_tumour, own.log_odds, -own.log_odds) >= 0.0)
 
 
@@ -101,7 +101,7 @@ def test_a_view_says_no_more_of_a_place_than_its_chance_to_be_wrong() -> None:
     """The free labels within `together_m` of a place say log(missed) together, whatever their number."""
     for n in (30, 300):
         points_m = points(n, half_m=0.002)
-        own = judged(points_m, np.zeros(n, bool), ErrorRates(missed=0.1, invented=0.001))
+        own = judged(LabelledPoints(points_m, np.zeros(n, bool)), ErrorRates(missed=0.1, invented=0.001))
         assert float(own.weight @ own.log_odds) == pytest.approx(np.log(0.1 / 0.999), rel=1e-3)
 
 
@@ -113,7 +113,7 @@ def test_numbers_together_are_those_of_a_brute_force_count() -> None:
 
 
 def test_an_empty_reading_is_judged_too() -> None:
-    own = judged(np.empty((0, 3)), np.empty(0, bool), ErrorRates(missed=0.1))
+    own = judged(LabelledPoints(np.empty((0, 3)), np.empty(0, bool)), ErrorRates(missed=0.1))
     assert isinstance(own, LabelledPoints)
     assert own.weight.shape == (0,)
 

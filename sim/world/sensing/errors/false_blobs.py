@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .reader_errors import ReaderErrors
-
-_RADIUS_SPREAD = 0.3
-"""Standard deviation of the logarithm of a false blob's radius."""
+from .reader_errors import BLOB_SPREAD, ReaderErrors
 
 
 def false_blobs(
@@ -24,10 +21,8 @@ def false_blobs(
     n_blobs = int(rng.poisson(errors.false_blobs))
     is_in = np.zeros(len(points_m), dtype=bool)
     for _ in range(n_blobs):
-        share, radius_m = (
-            rng.random(),
-            errors.false_blob_radius_m * np.exp(_RADIUS_SPREAD * rng.standard_normal()),
-        )
+        share = rng.random()
+        radius_m = errors.false_blob_radius_m * np.exp(BLOB_SPREAD * rng.standard_normal())
         if len(points_m):
             centre_m = points_m[int(share * len(points_m))]
             is_in |= np.linalg.norm(points_m - centre_m, axis=1) < radius_m

@@ -3,7 +3,7 @@
 Sources: Natali et al. (2024, PMC10929734), intraoperative ultrasound of the liver: Dice 0.84, 8 per cent of the lesions
 missed, and the Dice by echogenicity that `echogenicity` tells. How errors depend on a lesion's size and depth, how
 smooth a drawn outline is, and how often a reader sees a lesion where there is none was not found as figures; what
-stands here for these is assumed, and `docs/sensing.md` says so.
+stands here for these is assumed, and `docs/readers.md` says so.
 """
 
 from __future__ import annotations

@@ -19,6 +19,8 @@ _NOT_NEGATIVE = (
     "tracking_rad",
 )
 _POSITIVE = ("boundary_length_m", "false_blob_radius_m", "penetration_m")
+BLOB_SPREAD = 0.3
+"""Standard deviation of the logarithm of a false blob's radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,13 +56,18 @@ class ReaderErrors:
     false_blobs: float = 0.0
     """Mean number of lesions in a view that are none."""
     false_blob_radius_m: float = 0.006
-    """Their median radius [m]; its logarithm has a standard deviation of 0.3."""
+    """Their median radius [m]; its logarithm has the standard deviation `BLOB_SPREAD`."""
     penetration_m: float = np.inf
     """Depth along the beam from which nothing comes back any more [m]."""
     tracking_m: float = 0.0
     """Standard deviation, along each axis, of the believed place of the tip about the true one [m]."""
     tracking_rad: float = 0.0
     """Standard deviation, about each axis, of the believed turn of the tip about the true one [rad]."""
+
+    @property
+    def false_blob_m3(self) -> float:
+        """Mean volume of a false blob [m^3]: the mean cube of a lognormal radius is exp(9 s^2 / 2) its median's."""
+        return float(4.0 / 3.0 * np.pi * self.false_blob_radius_m**3 * np.exp(4.5 * BLOB_SPREAD**2))
 
     def __post_init__(self) -> None:
         """Checks the ranges.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _N_WAVES = 64
+"""Waves of a field; the sum is as good as normal, and its values cost little."""
 
 
 @dataclass(frozen=True, eq=False)

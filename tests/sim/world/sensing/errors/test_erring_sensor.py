@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import trimesh
@@ -18,6 +16,7 @@ from sim.world.anatomy.structures import Structure
 from sim.world.scene.scene import build_scene
 from sim.world.sensing.cone_sensor import ConeSensor
 from sim.world.sensing.errors.erring_sensor import ErringSensor
+from sim.world.sensing.errors.lesion_views import lesion_of
 from sim.world.sensing.errors.reader_errors import ReaderErrors
 from sim.world.sensing.sensor import SceneState
 from sim.world.solids.solid import Solid
@@ -232,5 +231,11 @@ def test_a_value_out_of_range_is_named(wrong, text) -> None:
         ReaderErrors(**wrong)
 
 
-def test_a_published_reader_misses_no_more_than_everything() -> None:
-    assert replace(ReaderErrors(), missed_share=1.0).missed_share == 1.0
+def test_no_lesion_is_missed_more_often_than_always(state) -> None:
+    """However small and deep it is; a larger one still is missed with less than certainty."""
+    lesion = lesion_of(state.scene.anatomy.tumours[0])
+    errors = ReaderErrors(missed_share=0.5, missed_size_power=2.0, missed_per_m=100.0)
+    assert lesion.chance_of_miss(errors, 0.1) == 1.0
+    assert lesion.chance_of_miss(errors, 0.0) == pytest.approx(
+        0.5 / 4.0, rel=0.02
+    )  # the mesh is a little small

@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from mapping import MapSettings
-from sim.episode.arm_motion import make_motion_model
+from sim.episode.moving.arm_motion import make_motion_model
 from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup, build_setup
 from sim.world.motion.path_check import PathCheck

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +35,14 @@ class LabelledPoints:
     weight: NDArray[np.float64] | None = None
     """How many labels, that err by themselves, each counts for, shape (K,), above 0 and at most 1: less than 1 where
     neighbours err together. None where each counts in full."""
+
+    def at(self, points_m: NDArray[np.float64]) -> LabelledPoints:
+        """The same labels at other places, for a body that has moved as a whole.
+
+        Args:
+            points_m: Where the points lie [m], shape (K, 3).
+        """
+        return replace(self, points_m=points_m)
 
     def believed_tumour_m(self, false_positive_rate: float) -> NDArray[np.float64]:
         """The points called tumour [m] that chance does not explain, shape (B, 3).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -105,6 +105,26 @@ class DetailSettings:
     def of_many_labels(cls) -> DetailSettings:
         """The settings for labels that may be wrong: more of them answer for a place, and fewer are thinned out."""
         return cls(n_neighbours=48, cube_m=0.001)
+
+    def at_uncertain_places(self, deviation_m: float) -> DetailSettings:
+        """The settings for labels that lie off by a Gaussian shift along the surface.
+
+        Between a place and one that is off by it, the latent f of the covariance s^2 exp(-r^2 / (2 l^2)) differs by
+
+            D = E (f(x + e) - f(x))^2 = 2 s^2 (1 - 1 / (1 + sigma^2 / l^2)),
+
+        for a shift e of the deviation sigma along each of two directions. A label there then tells of f as one of the
+        latent f / kappa would that lies where it is said to, kappa^2 = 1 + pi D / 8 (MacKay, Neural Computation 4(5),
+        1992, on moderated outputs; McHutchon and Rasmussen, NIPS 2011, on inputs with noise).
+
+        Args:
+            deviation_m: The standard deviation sigma [m], at least 0.
+        """
+        difference = 2.0 * self.variance * (1.0 - 1.0 / (1.0 + (deviation_m / self.length_m) ** 2))
+        kappa2 = 1.0 + np.pi / 8.0 * difference
+        return replace(
+            self, variance=self.variance / kappa2, prior_mean=self.prior_mean / float(np.sqrt(kappa2))
+        )
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

@@ -25,6 +25,7 @@ ROOMS = (
     "sim.world.ik",
     "sim.world.motion",
     "sim.world.sensing",
+    "sim.world.body",
     "sim.episode",
     "sim.record",
     "sim.findings",
@@ -46,6 +47,7 @@ WITHIN = {
     "mapping.belief": "mapping",
     "mapping.near_tumour": "mapping",
     "mapping.trust": "mapping",
+    "mapping.registration": "mapping",
     "sim.world.sensing.errors": "sim.world.sensing",
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",
@@ -57,6 +59,8 @@ WITHIN = {
     "sim.cli.studies": "sim.cli",
     "sim.cli.sensing": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
+    "sim.episode.moving": "sim.episode",
+    "sim.running.placing": "sim.running",
     "sim.world.sensing.ultrasound": "sim.world.sensing",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""

@@ -11,10 +11,10 @@ import numpy as np
 from sim.episode.scenario import Scenario
 from sim.episode.setup import Setup, build_setup
 from sim.episode.truth import Truth, make_truth
-from sim.running.arm_place import arm_of
 from sim.running.config import EpisodeConfig
 from sim.running.fields import changed
 from sim.running.parts import scenario_of
+from sim.running.placing.arm_place import arm_of
 
 from .poses import StandingPoses, standing_poses
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError
-from sim.running.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base, check_padding
 from sim.running.case import MM, AnatomyConfig, CaseConfig, metres, scenario_changes
+from sim.running.placing.arm_place import MAX_POSITION_MM, METRES_MM, arm_standing, check_base, check_padding
 
 from .terminal import NOT_REACHED, note, parse
 

@@ -14,9 +14,9 @@ from sim.episode.scenario import Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
 from sim.record.default_folders import default_folder, file_part
-from sim.running.arm_place import arm_standing, check_base, check_padding
 from sim.running.case import MM, AnatomyConfig, CaseConfig, scenario_changes
 from sim.running.config import EpisodeConfig
+from sim.running.placing.arm_place import arm_standing, check_base, check_padding
 from sim.running.settings import in_fields
 
 from .terminal import INTERRUPTED, aligned_lines, note, parse

@@ -25,17 +25,18 @@ from mapping import (
     teach,
 )
 from planner import Planner, Situation
-from sim.world.ik.result import IkResult
 from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.cone_sensor import ConeSensor
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
-from .arm_motion import make_motion_model
+from .body import Body, BodyOptions
 from .measures import NEVER, never, note_first
-from .motion import Motion, MotionModel, ProcedureStoppedError, joined
+from .moving.approach import approach_first
+from .moving.arm_motion import make_motion_model
+from .moving.motion import MotionModel, SkippedPose
 from .setup import Setup
-from .step import Ending, SkippedPose, Step
+from .step import Ending, Step
 from .target_belief import TargetBelief, check_parts, checked_prediction, draws_of
 from .truth import Truth, make_truth
 
@@ -58,6 +59,7 @@ class Episode:
         sensing_s: float = MotionSettings().sensing_s,
         casts_rays: bool = True,
         plans_for_target: bool = False,
+        body: BodyOptions | None = None,
     ) -> None:
         """Make the truth of the seed and the prior map.
 
@@ -76,6 +78,7 @@ class Episode:
             casts_rays: Whether readings hold points. An episode without a map needs only the share sensed, for which
                 the place of the tip is enough.
             plans_for_target: Whether the planner is shown the belief about a second class in place of the tumours'.
+            body: How the organ's true place differs from the plan; None where it lies as planned.
 
         Raises:
             ValueError: The planner or the map lacks what it needs, the seed is negative, or there is no second class
@@ -83,19 +86,20 @@ class Episode:
             WorldError: No place for the tumours was found.
         """
         check_parts(planner, seed, tumour_map, casts_rays=casts_rays)
-        truth_rng, self._sensor_rng, self._planner_rng = np.random.default_rng(seed).spawn(3)
+        truth_rng, self._sensor_rng, self._planner_rng, body_rng = np.random.default_rng(seed).spawn(4)
         self.setup, self.planner = setup, planner
         self.truth: Truth = make_truth(setup, truth_rng)
         # Tumours are in the scene only for the rays to meet.
         scene = self.truth.scene if casts_rays else setup.scene
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
-        self.tumour_map = self._new_map(tumour_map, detail)
+        self._new_map = partial(_new_map, setup, tumour_map, self._map_settings, detail)
+        self.tumour_map = self._new_map()
         self.trust = LabelTrust(trust)
         self.prediction: Prediction | None = None
         self.target: TargetBelief | None = None
         if self.truth.target is not None:
-            self.target = TargetBelief(self.truth.target, setup.cone, self._new_map(tumour_map, detail))
+            self.target = TargetBelief(self.truth.target, setup.cone, self._new_map())
         if plans_for_target and self.target is None:
             raise ValueError(
                 "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
@@ -104,6 +108,10 @@ class Episode:
         self._scene_state = SceneState(scene, self.data)
         self._sensor = ConeSensor() if sensor is None else sensor
         self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
+        self.body: Body | None = None
+        if body is not None:
+            self.body = Body(body, setup, self._scene_state, self.truth.anatomy.tumour_middles_m, body_rng)
+            self._motion_model = self.body.followed_by(self._motion_model)
         self.first_seen = never(len(self.truth.anatomy.detection_points_m))
         self.readings: list[LabelledPoints] = []
         self.sensed: list[int] = []
@@ -166,82 +174,45 @@ class Episode:
 
     def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
         start_s = perf_counter()
-        chosen, skipped, ik_s, move_s = self._choose(on_skipped)
+        approach = approach_first(
+            self.planner.rank(self.situation()),
+            self.setup.positioner,
+            self._motion_model,
+            self.data,
+            skipped=self.skipped,
+            on_skipped=on_skipped,
+        )
         planned_s = perf_counter()
-        if chosen is None:
+        if approach.motion is None or approach.answer is None:
             return None
-        pose, answer, motion = chosen
+        pose, motion = approach.pose, approach.motion
         reading = self._read()
         self._note_seen(number)
         sensed_s = perf_counter()
         labels = self.trust.judge(LabelledPoints(*reading.labels))
-        auprc = self._update(labels)
+        self.readings.append(labels)
         T, own = self._scene_state.T_world_probe, self.target
         target = own.learn(number, reading, T) if own is not None else None
+        auprc = self._update(labels)
         self.sensed.append(pose)
-        self.readings.append(labels)
         return Step(
             step=number,
             pose_index=pose,
-            ik=answer,
+            ik=approach.answer,
             reading=reading,
             sensed_fraction=float((self.first_seen != NEVER).mean()) if self.first_seen.size else None,
             auprc=auprc,
-            skipped=tuple(skipped),
+            skipped=tuple(approach.skipped),
             motion=motion,
             procedure_s=motion.motion_s + self._sensing_s,
-            plan_s=planned_s - start_s - ik_s - move_s,
-            ik_s=ik_s,
-            move_s=move_s,
+            plan_s=planned_s - start_s - approach.ik_s - approach.move_s,
+            ik_s=approach.ik_s,
+            move_s=approach.move_s,
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
             target=target,
+            body=None if self.body is None else self.body.done(self._sensing_s),
         )
-
-    def _choose(
-        self, on_skipped: Callable[[int], None]
-    ) -> tuple[tuple[int, IkResult, Motion] | None, list[SkippedPose], float, float]:
-        """The first pose of the ranking that the probe could be brought to, those skipped, seconds of IK and of motion.
-
-        A pose to which there is no way now has none later either: the arm can always go back to where it is now. The
-        way to a pose that was missed was gone all the same, and is part of the motion to the one that is had.
-        """
-        skipped: list[SkippedPose] = []
-        motions: list[Motion] = []
-        ik_s = move_s = 0.0
-        for pose in self.planner.rank(self.situation()):
-            start_s = perf_counter()
-            answer = self.setup.positioner.reach(pose)
-            reached_s = perf_counter()
-            ik_s += reached_s - start_s
-            reason = answer.explain()
-            if answer.is_reached:
-                motion = self._move(pose, motions)
-                move_s += perf_counter() - reached_s
-                if motion.is_done:
-                    return (pose, answer, motion), skipped, ik_s, move_s
-                reason = motion.reason
-            self.skipped[pose] = SkippedPose(pose, reason)
-            skipped.append(self.skipped[pose])
-            on_skipped(len(skipped))
-        return None, skipped, ik_s, move_s
-
-    def _move(self, pose: int, missed: list[Motion]) -> Motion:
-        """The motion to a pose, together with those that missed others before it; one more is noted where this misses.
-
-        Raises:
-            ProcedureStoppedError: The arm stopped; its motion holds those before too.
-        """
-        try:
-            motion = self._motion_model.move(self.data, pose)
-        except ProcedureStoppedError as error:
-            error.motion = joined([*missed, error.motion])
-            raise
-        if motion.is_done:
-            return joined([*missed, motion])
-        if len(motion.time_s):
-            missed.append(motion)
-        return motion
 
     @property
     def _planned_for(self) -> Episode | TargetBelief:
@@ -272,6 +243,9 @@ class Episode:
 
     def _read(self) -> Reading:
         """A reading at the present state; without points where no rays are cast."""
+        if self.body is not None:
+            self._scene_state = self.body.state()
+            return self.body.read(self._sensor, self._sensor_rng)
         if self._casts_rays:
             return self._sensor.sense(self._scene_state, self._sensor_rng)
         return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
@@ -284,16 +258,28 @@ class Episode:
     def _update(self, labels: LabelledPoints) -> float | None:
         if self.tumour_map is None:
             return None
-        teach(self.tumour_map, labels)
+        self._learn(labels)
         self._predict()
         assert self.prediction is not None
         self.trust.observe(labels, self.setup.search_points_m, self.prediction)
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
-    def _new_map(self, make: TumourMapFactory | None, detail: DetailSettings | None) -> TumourMap | None:
-        """A map before any reading, on the setup's lattices."""
-        return None if make is None else make(self.setup.map_space(self._map_settings, detail))
+    def _learn(self, labels: LabelledPoints) -> None:
+        """Teach the map a reading, or all readings anew where the organ is now believed to lie elsewhere."""
+        anew = None if self.body is None else self.body.laid_anew(self.readings)
+        if anew is not None:
+            self.readings, self.tumour_map = anew, self._new_map()
+        assert self.tumour_map is not None
+        for each in anew or [labels]:
+            teach(self.tumour_map, each)
 
     def _predict(self) -> None:
         if self.tumour_map is not None:
             self.prediction = checked_prediction(self.tumour_map, len(self.setup.search_points_m))
+
+
+def _new_map(
+    setup: Setup, make: TumourMapFactory | None, settings: MapSettings, detail: DetailSettings | None
+) -> TumourMap | None:
+    """A map before any reading, on the setup's lattices."""
+    return None if make is None else make(setup.map_space(settings, detail))

@@ -8,20 +8,13 @@ from typing import Literal
 from sim.world.ik.result import IkResult
 from sim.world.sensing.reading import Reading
 
-from .motion import Motion
+from .body import BodyScore
+from .moving.motion import Motion, SkippedPose
 from .target_belief import TargetScore
 
 Ending = Literal["steps", "sensed", "confident", "not_worth", "no_pose_left"]
 """What ends an episode: all its steps are done, enough is sensed, the planner is sure, more actions are not worth what
 they would find, or the arm reaches no more."""
-
-
-@dataclass(frozen=True)
-class SkippedPose:
-    """A pose that the planner wanted and the arm could not take."""
-
-    pose_index: int
-    reason: str
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,3 +43,5 @@ class Step:
     update_s: float
     target: TargetScore | None = None
     """How a second class stands; None where none is mapped."""
+    body: BodyScore | None = None
+    """How well it is known where the organ lies; None where it lies as planned."""

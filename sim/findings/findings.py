@@ -163,7 +163,7 @@ def _tumour(evidence: Evidence, index: int, pieces: Pieces | None) -> TumourFind
             None if attainable is None or not has_points else float(attainable[of_tumour].mean())
         ),
         true_volume_m3=solid.volume_m3,
-        true_centroid_m=(centre_m := centroid_m(solid)),
+        true_centroid_m=(centre_m := solid.centroid_m),
         depth_m=_depth_m(evidence.anatomy.organ, centre_m),
     )
     if pieces is None:
@@ -253,11 +253,3 @@ def _sensed_step(first_seen: FirstSteps) -> int | None:
     """The action by which 95 % of some points had been seen; None where it never came to that."""
     shares = np.arange(1, len(first_seen) + 1) / len(first_seen) if len(first_seen) else np.empty(0)
     return _first(np.sort(first_seen)[shares >= SENSED_GOAL])
-
-
-def centroid_m(solid: Solid) -> NDArray[np.float64]:
-    """The centre of a solid's volume [m], shape (3,), by the divergence theorem."""
-    middle = solid.bounds_m.mean(axis=0)
-    a, b, c = (solid.vertices_m[solid.faces[:, i]] - middle for i in range(3))
-    sixths = np.einsum("ij,ij->i", a, np.cross(b, c))
-    return middle + (sixths[:, None] * (a + b + c)).sum(axis=0) / (4.0 * sixths.sum())

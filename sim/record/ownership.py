@@ -15,7 +15,7 @@ MANIFEST = "manifest.json"
 """The file by which a folder is known for that of a run."""
 LOCK = ".lock"
 RUN_NAMES = re.compile(
-    r"""config\.json | summary\.json | findings\.json | report\.html
+    r"""config\.json | summary\.json | findings\.json | body\.json | report\.html
     | (steps|skipped|states|structures|poses|tumours|false_findings|targets|target_false_findings)\.csv
     | poses\.json | probe\.xml | anatomy\.npz | map\.npz | visible\.npz | own_(target_)?map\.npz
     | map_(target_)?(on_scan_)?(probability|standard_deviation|labels)\.nii\.gz

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner import Cone
-from sim.episode.motion import Motion
+from sim.episode.moving.motion import Motion
 from sim.errors import UsageError
 from sim.tables import read_rows
 from sim.world.probes.probe import DEFAULT, EMBEDDED, ProbeModel

@@ -25,6 +25,8 @@ from .locked_folder import LockedFolder
 from .ownership import LOCK, MANIFEST, files_of_run, names_in
 
 PACKAGES = ("mujoco", "mink", "numpy", "scipy", "trimesh", "daqp", "toppra")
+BODY_JSON = "body.json"
+"""Where the organ is believed to lie, and where it lies, where it does not lie as planned."""
 OWN_MAP, OWN_TARGET_MAP = "own_map.npz", "own_target_map.npz"
 """What a map of a user's own, and that of a second class, wrote by its method `save`."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from sim.episode.step import Step
 from .map_history import write_history
 from .map_volumes import VISIBLE, map_volumes, maps_in
 from .poses import POSES_CSV, pose_row
-from .run_folder import OWN_MAP, OWN_TARGET_MAP, RunFolder
+from .run_folder import BODY_JSON, OWN_MAP, OWN_TARGET_MAP, RunFolder
 from .trajectories import write_motion
 
 
@@ -41,6 +42,8 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
         scores = [each.score for each in (episode.prediction, target) if each is not None]
         write_history(folder, step.step, *scores)
     write_map(folder, episode, is_final=False)
+    if episode.body is not None:
+        folder.write_json(BODY_JSON, episode.body.record())
 
 
 def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
@@ -57,6 +60,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "sensed_fraction": step.sensed_fraction,
         "auprc": step.auprc,
         **_target_cells(step),
+        **({} if step.body is None else dataclasses.asdict(step.body)),
         "expected_improvement": best_improvement(episode.prediction),
         "n_skipped": len(step.skipped),
         "motion_s": step.motion.motion_s,

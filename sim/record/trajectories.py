@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.episode.motion import Motion
+from sim.episode.moving.motion import Motion
 from sim.episode.truth import Truth
 from sim.errors import UsageError
 from sim.world.anatomy.anatomy import Anatomy, build_anatomy

@@ -18,6 +18,7 @@ from sim.suggestions import did_you_mean
 from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
+from .placing.body import BodyConfig
 from .reader import ReaderConfig
 from .ultrasound import UltrasoundConfig
 
@@ -233,6 +234,7 @@ class EpisodeConfig:
     sensing: SensingConfig = field(default_factory=SensingConfig)
     reading: ReaderConfig = field(default_factory=ReaderConfig)
     ultrasound: UltrasoundConfig = field(default_factory=UltrasoundConfig)
+    body: BodyConfig = field(default_factory=BodyConfig)
     planning: PlanningConfig = field(default_factory=PlanningConfig)
     find_and_outline: FindAndOutlineConfig = field(default_factory=FindAndOutlineConfig)
     expected_improvement: ExpectedImprovementConfig = field(default_factory=ExpectedImprovementConfig)

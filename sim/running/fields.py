@@ -17,7 +17,7 @@ from sim.world.text import read_text
 from .config import EpisodeConfig
 
 ORDER = (
-    *("mounting", "moving", "organ", "case", "anatomy", "sensing", "reading", "ultrasound"),
+    *("mounting", "moving", "organ", "case", "anatomy", "sensing", "reading", "ultrasound", "body"),
     *("planning", "mapping", "find_and_outline", "expected_improvement", "output"),
 )
 """The order of groups in a study's axes and columns, after the fields outside groups. Help has another."""

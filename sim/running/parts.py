@@ -18,16 +18,18 @@ from planner import (
     planner_names,
     weighing_planner_names,
 )
+from sim.episode.body import BodyOptions
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
 from sim.plugs import MAP, PLANNER, load_plug, make_plug, parse_plug_options
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
-from .arm_place import arm_of, probe_of
 from .case import MM, scenario_changes
 from .config import ALWAYS, ULTRASOUND, WHEN_NEEDED, EpisodeConfig
 from .own import own_plug, refuse_options
+from .placing.arm_place import arm_of, probe_of
+from .placing.body import body_of
 from .reader import reader_errors
 from .sensor import sensor_of, trust_of
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
@@ -61,6 +63,8 @@ class EpisodeParts:
     motion: MotionKind
     motion_settings: MotionSettings
     servo_settings: ServoSettings
+    body: BodyOptions | None
+    """How the organ's true place differs from the plan; None where it lies as planned."""
     seed: int
     n_steps: int
     """Largest number of sensing actions."""
@@ -124,20 +128,24 @@ def make_parts(
     _check_stops(config, planner)
     settings = map_settings_of(config, planner)
     scenario = scenario_of(config, scenario)
-    trust = trust_of(config, scenario, sensor)
+    speeds = motion_settings_of(config)
+    body = body_of(config.body, config.moving.motion, speeds)
+    off_m = 0.0 if body is None else body.place_deviation_m(scenario.cone_depth_m)
+    trust = trust_of(config, scenario, sensor, is_displaced=off_m > 0.0)
     return EpisodeParts(
         scenario=scenario,
         planner=planner,
         sensor=sensor or sensor_of(config),
         make_map=make_map or _map_of(config, planner),
         map_settings=settings,
-        detail=detail_of(config, planner, trust),
+        detail=detail_of(config, planner, trust, off_m),
         trust=trust,
         arm=arm_of(config),
         probe=probe_of(config),
         motion=config.moving.motion,
-        motion_settings=motion_settings_of(config),
+        motion_settings=speeds,
         servo_settings=servo_settings_of(config),
+        body=body,
         seed=config.seed,
         n_steps=config.steps,
         until_sensed=config.until_sensed,
@@ -155,7 +163,7 @@ def check_config(config: EpisodeConfig) -> None:
         UsageError, PlannerError: A value is out of range.
     """
     scenario_of(config)
-    motion_settings_of(config)
+    body_of(config.body, config.moving.motion, motion_settings_of(config))
     servo_settings_of(config)
     reader_errors(config.reading)
     if config.sensor == ULTRASOUND:

@@ -56,10 +56,6 @@ class ReaderConfig:
     """Depth from which nothing comes back any more [mm]."""
     shadowing: tuple[str, ...] = ()
     """Names of structures behind which nothing is seen, as bone and gas hide it."""
-    tracking_mm: float | None = None
-    """Standard deviation, along each axis, of the believed place of the tip about the true one [mm]."""
-    tracking_deg: float | None = None
-    """Standard deviation, about each axis, of the believed turn of the tip about the true one [degrees]."""
     label_trust: LabelTrustName | None = None
     """How far the map and the planner trust labels: exact (they are never wrong), told (they know the rates at which
     the reader errs) or learnt (they find the rates as readings come); by default learnt where a reader errs, and
@@ -72,8 +68,6 @@ _UNITS = {
     "boundary_length_mm": ("boundary_length_m", MM),
     "false_blob_mm": ("false_blob_radius_m", MM),
     "penetration_mm": ("penetration_m", MM),
-    "tracking_mm": ("tracking_m", MM),
-    "tracking_deg": ("tracking_rad", math.pi / 180.0),
 }
 """The errors that fields become which people set in other units, and the factor to them."""
 _NOT_ERRORS = ("reader", "shadowing")
@@ -132,18 +126,21 @@ def _given(config: ReaderConfig) -> list[str]:
     ]
 
 
-def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSettings | None:
+def trust_settings(
+    config: ReaderConfig, cone: Cone, *, errs: bool, is_displaced: bool = False
+) -> TrustSettings | None:
     """How far labels are trusted; None where they are taken as they are.
 
     Args:
         config: The options.
         cone: What a view holds.
         errs: Whether the sensor is one whose reader errs.
+        is_displaced: Whether labels lie where they are told only within some error.
 
     Raises:
         FieldError: Rates are to be told of a sensor that tells none.
     """
-    choice = config.label_trust or ("learnt" if errs else "exact")
+    choice = config.label_trust or ("learnt" if errs or is_displaced else "exact")
     if choice == "exact":
         return None
     if choice == "learnt":

@@ -15,9 +15,9 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from planner import Planner
-from sim.episode.arm_motion import make_motion_model
 from sim.episode.episode import Episode
-from sim.episode.motion import ProcedureStoppedError
+from sim.episode.moving.arm_motion import make_motion_model
+from sim.episode.moving.motion import ProcedureStoppedError
 from sim.episode.setup import Setup, build_setup
 from sim.episode.step import Step
 from sim.findings.structure_distances import distance_rows
@@ -30,12 +30,12 @@ from sim.record.run_folder import RunFolder
 from sim.record.step_files import write_map, write_own_maps, write_step
 from sim.record.trajectories import write_anatomy, write_motion, write_probe
 
-from .arm_place import arm_fields, probe_text
 from .config import EpisodeConfig
 from .config_file import cannot_repeat, recorded_config, run_config
 from .fields import changed, read_config, without_options_of
 from .output import Output, output_of
 from .parts import EpisodeParts, make_parts
+from .placing.arm_place import arm_fields, probe_text
 from .summary import Totals, episode_summary
 
 if TYPE_CHECKING:
@@ -134,6 +134,7 @@ def make_episode(
         sensing_s=parts.motion_settings.sensing_s,
         casts_rays=casts_rays,
         plans_for_target=parts.plans_for_target,
+        body=parts.body,
     )
 
 

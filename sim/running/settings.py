@@ -70,19 +70,23 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
         raise in_fields(config, error) from error
 
 
-def detail_of(config: EpisodeConfig, planner: Planner, trust: TrustSettings | None) -> DetailSettings | None:
+def detail_of(
+    config: EpisodeConfig, planner: Planner, trust: TrustSettings | None, place_deviation_m: float = 0.0
+) -> DetailSettings | None:
     """How the map answers in detail near sensed tumour; None for a plain Hilbert map.
 
     Args:
         config: What to run.
         planner: Prefers some settings.
         trust: How far labels are trusted; where they are not, more of them answer for a place.
+        place_deviation_m: How far labels are believed to lie off along the surface, a standard deviation [m].
     """
     wanted = config.mapping.map_detail
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
     if not is_on:
         return None
-    return DetailSettings() if trust is None else DetailSettings.of_many_labels()
+    settings = DetailSettings() if trust is None else DetailSettings.of_many_labels()
+    return settings if place_deviation_m == 0.0 else settings.at_uncertain_places(place_deviation_m)
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:

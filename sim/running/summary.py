@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
-from mapping import MapMetrics
+from mapping import MapMetrics, average_precision
 from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
@@ -84,6 +84,7 @@ def episode_summary(
         **_target_summary(episode.target, totals),
         "confidence": episode.confidence(),
         **(_left(episode) if parts.asks_what_is_left else {}),
+        **_body_summary(episode, last),
         "n_skipped_poses": totals.n_skipped_poses,
         **totals.motion(),
         **totals.seconds(),
@@ -101,6 +102,17 @@ def _left(episode: Episode) -> dict[str, Any]:
         "unseeable_share": left.unseeable_share,
         "lesions_unseeable_expected": left.expected_unseeable,
     }
+
+
+def _body_summary(episode: Episode, last: Step | None) -> dict[str, Any]:
+    """How well it is known where the organ lies; empty where it lies as planned."""
+    if episode.body is None or last is None or last.body is None:
+        return {}
+    figures: dict[str, Any] = dataclasses.asdict(last.body)
+    if episode.prediction is not None and episode.truth.is_tumour.any():
+        truth = episode.body.own_frame_truth(episode.truth.anatomy)
+        figures["auprc_own_frame"] = average_precision(episode.prediction.score, truth)
+    return figures
 
 
 def _target_summary(target: TargetBelief | None, totals: Totals) -> dict[str, Any]:

@@ -31,6 +31,17 @@ def quaternion_matrix(quaternions: ArrayLike) -> NDArray[np.float64]:
     return matrices.reshape(*wxyz.shape[:-1], 3, 3)
 
 
+def rigid_inverse(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a rigid move, shape (4, 4).
+
+    Args:
+        T: A rotation R and a shift p in the shape (4, 4).
+    """
+    inverse = np.eye(4)
+    inverse[:3, :3], inverse[:3, 3] = T[:3, :3].T, -T[:3, :3].T @ T[:3, 3]
+    return inverse
+
+
 def frames_along(
     normals: NDArray[np.float64], towards: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:

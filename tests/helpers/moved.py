@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim.episode.arm_motion import make_motion_model
+from sim.episode.moving.arm_motion import make_motion_model
 
 POSES = (0, 14_399, 7_000, 119, 14_000, 3_333)
 """Poses at corners and in the middle of the organ, so that transfers cross it."""

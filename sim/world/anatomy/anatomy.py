@@ -93,6 +93,11 @@ class Anatomy:
         return tumour_of
 
     @property
+    def tumour_middles_m(self) -> NDArray[np.float64]:
+        """Where the middle of each tumour lies [m], shape (T, 3)."""
+        return np.array([tumour.centroid_m for tumour in self.tumours]).reshape(-1, 3)
+
+    @property
     def tumour_volumes_m3(self) -> NDArray[np.float64]:
         """Volume of each tumour's mesh [m^3], shape (number of tumours,)."""
         return np.array([tumour.volume_m3 for tumour in self.tumours], dtype=np.float64)

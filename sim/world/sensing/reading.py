@@ -47,6 +47,18 @@ class Reading:
         images = None if self.images is None else self.images.part(is_kept)
         return replace(self, images=images, **{name: array[is_kept] for name, array in arrays.items()})
 
+    def moved(self, T: NDArray[np.float64]) -> Reading:
+        """The reading as if everything, points, pictures and probe, lay elsewhere.
+
+        Args:
+            T: Maps where things lie to where they shall lie, shape (4, 4).
+        """
+        points_m = self.points_m @ T[:3, :3].T + T[:3, 3]
+        images = None
+        if self.images is not None:
+            images = replace(self.images, T_world_planes=T @ self.images.T_world_planes)
+        return replace(self, points_m=points_m, T_world_probe=T @ self.T_world_probe, images=images)
+
     @property
     def labels(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], _Values, _Values]:
         """Points, labels, and what is said of each label: what a map learns from."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -40,6 +40,16 @@ class SceneState:
     """Model, anatomy and cone; the truth is `scene.anatomy`."""
     data: mujoco.MjData
     """The state of the scene's model, forwarded. A sensor reads it and writes nothing."""
+    T_rest_world: NDArray[np.float64] | None = None
+    """Takes the world to the frame in which the organ lies as it was planned, shape (4, 4); None where it does lie so.
+    All that a sensor is told, and all that it returns, is in that frame: where the organ has moved, the probe has moved
+    the other way."""
+
+    def seen_from(self, T_rest_world: NDArray[np.float64]) -> SceneState:
+        """The same state with the organ elsewhere; it shares the prepared rays."""
+        moved = replace(self, T_rest_world=T_rest_world)
+        moved.__dict__["rays"] = self.rays
+        return moved
 
     @property
     def cone(self) -> Cone:
@@ -53,7 +63,7 @@ class SceneState:
         T_world_probe = np.eye(4)
         T_world_probe[:3, :3] = tip.xmat.reshape(3, 3)
         T_world_probe[:3, 3] = tip.xpos
-        return T_world_probe
+        return T_world_probe if self.T_rest_world is None else self.T_rest_world @ T_world_probe
 
     @cached_property
     def rays(self) -> SurfaceRays:

@@ -77,6 +77,14 @@ class Solid:
         return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0)
 
     @property
+    def centroid_m(self) -> NDArray[np.float64]:
+        """The centre of the volume [m], shape (3,), by the divergence theorem."""
+        middle = self.bounds_m.mean(axis=0)
+        a, b, c = (self.vertices_m[self.faces[:, i]] - middle for i in range(3))
+        sixths = np.einsum("ij,ij->i", a, np.cross(b, c))
+        return middle + (sixths[:, None] * (a + b + c)).sum(axis=0) / (4.0 * sixths.sum())
+
+    @property
     def area_m2(self) -> float:
         """Area of the surface [m^2]."""
         return float(np.linalg.norm(self._area_vectors_m2(), axis=1).sum())

@@ -14,6 +14,9 @@ from scipy.spatial import KDTree
 
 from .solid import Solid, check_points
 
+ON_SURFACE_M = 1e-9
+"""Closer than this [m] the direction from the closest point means nothing, and the triangle's normal is taken."""
+
 SAMPLE_SPACING_M = 0.002
 """Triangles are divided until no piece has an edge longer than this [m], so r is at most 1.2 mm."""
 
@@ -67,6 +70,34 @@ class SurfaceDistance:
         near = np.flatnonzero(distance < EXACT_BAND_M)
         distance[near] = self.distance_to_triangles_m(points[near])
         return distance
+
+    def signed_distance_and_outward(
+        self, points_m: ArrayLike
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distance [m] of each point to the triangles, negative inside, and the direction in which it grows.
+
+        Args:
+            points_m: Query points [m], shape (N, 3); exact for those near the surface.
+
+        Returns:
+            Shape (N,), and unit vectors of shape (N, 3): on the surface itself they are the triangles' normals.
+        """
+        points = check_points(points_m)
+        n_near = min(N_NEAR_PIECES, self._pieces.n)
+        faces = self._piece_face[self._pieces.query(points, k=n_near)[1].reshape(-1, n_near)]
+        repeated = np.repeat(points, n_near, axis=0)
+        closest = closest_points_on_triangles(repeated, self._corners_m[faces.ravel()])
+        away = (repeated - closest).reshape(*faces.shape, 3)
+        distance = np.linalg.norm(away, axis=2)
+        rows, best = np.arange(len(points)), distance.argmin(axis=1)
+        distance, away, faces = distance[rows, best], away[rows, best], faces[rows, best]
+        a, b, c = self._corners_m[faces].transpose(1, 0, 2)
+        normal = np.cross(b - a, c - a)
+        outward = normal / np.linalg.norm(normal, axis=1, keepdims=True)
+        sign = np.where(self._solid.contains(points), -1.0, 1.0)
+        is_off = distance > ON_SURFACE_M
+        outward[is_off] = (sign / np.maximum(distance, ON_SURFACE_M))[is_off, None] * away[is_off]
+        return sign * distance, outward
 
     def signed_distance_m(self, points_m: ArrayLike) -> NDArray[np.float64]:
         """Distance [m] of each point to the surface, negative inside the solid.

@@ -24,6 +24,9 @@ class PickyPositioner(Positioner):
     def place(self, data, pose, *, is_lifted) -> None:
         raise NotImplementedError
 
+    def shift(self, data, T_world_tip) -> str:
+        raise NotImplementedError
+
 
 def random_workspace(rng: np.random.Generator, n: int) -> Workspace:
     normals = rng.normal(size=(n, 3)) * [0.2, 0.2, 1.0] - [0, 0, 3.0]

@@ -117,6 +117,9 @@ class LamePositioner(Positioner):
     def place(self, data, pose, *, is_lifted) -> None:
         self._positioner.place(data, pose, is_lifted=is_lifted)
 
+    def shift(self, data, T_world_tip) -> str:
+        return self._positioner.shift(data, T_world_tip)
+
 
 def test_unreachable_poses_are_skipped_once_and_the_episode_ends_when_none_is_left(sphere_setup) -> None:
     class Listed(Planner):

@@ -11,9 +11,9 @@ import pytest
 from moved import POSES, motions
 
 from planner import Planner
-from sim.episode.arm_motion import make_motion_model
 from sim.episode.episode import Episode
-from sim.episode.motion import MotionModel, Phase, blocked
+from sim.episode.moving.arm_motion import make_motion_model
+from sim.episode.moving.motion import MotionModel, Phase, blocked
 from sim.world.motion.joint_limits import JointLimits
 from sim.world.motion.path_check import PathCheck
 from sim.world.motion.path_search import PathSearch

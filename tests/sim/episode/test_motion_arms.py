@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from sim.episode.arm_motion import make_motion_model
-from sim.episode.motion import Phase
+from sim.episode.moving.arm_motion import make_motion_model
+from sim.episode.moving.motion import Phase
 from sim.episode.positioner import ArmPositioner
 from sim.world.motion.joint_limits import OTHER_ACCELERATION, OTHER_SPEED
 from sim.world.motion.settings import LIVER_YOUNG_PA, ServoSettings, punch_stiffness_n_m

@@ -12,8 +12,8 @@ import pytest
 from geom_surface import geom_triangles, least_signed_distances_m
 
 from mapping import MapSettings
-from sim.episode.arm_motion import make_motion_model
-from sim.episode.motion import Phase
+from sim.episode.moving.arm_motion import make_motion_model
+from sim.episode.moving.motion import Phase
 from sim.episode.scenario import SCENARIOS
 from sim.world.motion.settings import ServoSettings
 from sim.world.scene.arm import ArmModel

@@ -10,9 +10,9 @@ import pytest
 from moved import POSES, motions
 
 from planner import Planner, make_planner
-from sim.episode.arm_motion import make_motion_model
 from sim.episode.episode import Episode
-from sim.episode.motion import Phase, ProcedureStoppedError
+from sim.episode.moving.arm_motion import make_motion_model
+from sim.episode.moving.motion import Phase, ProcedureStoppedError
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import build_setup
 from sim.world.ik.chain import ChainState

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from planner import make_planner
-from sim.episode.arm_motion import make_motion_model
 from sim.episode.episode import Episode
+from sim.episode.moving.arm_motion import make_motion_model
 
 POSES = np.array([7_000, 119, 14_000])
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from planted_run import ball, planted_run
 
-from sim.findings.findings import centroid_m
 from sim.findings.mapped_surface import surface_gap
 from sim.findings.results import findings_of
 from sim.findings.tables import finding_summary, write_finding_tables
@@ -167,4 +166,4 @@ def test_empty_tables_have_their_columns(tmp_path) -> None:
 
 
 def test_the_centroid_is_that_of_the_volume() -> None:
-    np.testing.assert_allclose(centroid_m(ball((0.3, -0.2, 0.1), 0.02)), (0.3, -0.2, 0.1), atol=1e-9)
+    np.testing.assert_allclose(ball((0.3, -0.2, 0.1), 0.02).centroid_m, (0.3, -0.2, 0.1), atol=1e-9)

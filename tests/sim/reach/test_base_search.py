@@ -19,7 +19,7 @@ from sim.reach.base_grid import Stand
 from sim.reach.base_search import BaseQuestion, search_base
 from sim.reach.reachability import reached_fraction
 from sim.reach.workcell import build_workcell
-from sim.running.arm_place import arm_standing
+from sim.running.placing.arm_place import arm_standing
 from sim.world.scene.arm import ArmModel
 from sim.world.scene.base_room import BaseRoom
 from sim.world.scene.clearance import Clearance

@@ -25,7 +25,6 @@ def test_options_become_errors_in_si_units() -> None:
         config_of(
             ERRING,
             boundary_mm=2.0,
-            tracking_deg=3.0,
             missed_per_cm=0.1,
             false_blob_mm=4.0,
             penetration_mm=70.0,
@@ -34,7 +33,6 @@ def test_options_become_errors_in_si_units() -> None:
     assert isinstance(parts.sensor, ErringSensor)
     errors = parts.sensor.errors
     assert errors.boundary_m == pytest.approx(0.002)
-    assert errors.tracking_rad == pytest.approx(math.radians(3.0))
     assert errors.missed_per_m == pytest.approx(10.0)
     assert errors.false_blob_radius_m == pytest.approx(0.004)
     assert errors.penetration_m == pytest.approx(0.07)

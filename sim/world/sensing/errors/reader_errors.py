@@ -15,8 +15,6 @@ _NOT_NEGATIVE = (
     "boundary_m",
     "boundary_share",
     "false_blobs",
-    "tracking_m",
-    "tracking_rad",
 )
 _POSITIVE = ("boundary_length_m", "false_blob_radius_m", "penetration_m")
 BLOB_SPREAD = 0.3
@@ -59,10 +57,6 @@ class ReaderErrors:
     """Their median radius [m]; its logarithm has the standard deviation `BLOB_SPREAD`."""
     penetration_m: float = np.inf
     """Depth along the beam from which nothing comes back any more [m]."""
-    tracking_m: float = 0.0
-    """Standard deviation, along each axis, of the believed place of the tip about the true one [m]."""
-    tracking_rad: float = 0.0
-    """Standard deviation, about each axis, of the believed turn of the tip about the true one [rad]."""
 
     @property
     def false_blob_m3(self) -> float:

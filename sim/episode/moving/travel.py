@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sim.world.motion.joint_limits import JointLimits
 from sim.world.motion.settings import MotionSettings
 
-from .positioner import Positioner
+from ..positioner import Positioner
 
 
 class Travel:

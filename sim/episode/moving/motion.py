@@ -15,7 +15,7 @@ from sim.world.errors import WorldError
 from sim.world.motion.joint_limits import JointLimits
 from sim.world.motion.settings import MotionSettings
 
-from .positioner import Positioner
+from ..positioner import Positioner
 from .travel import Travel
 
 
@@ -26,6 +26,14 @@ class Phase(IntEnum):
     TRANSFER = 1
     DESCEND = 2
     HOLD = 3
+
+
+@dataclass(frozen=True)
+class SkippedPose:
+    """A pose that the planner wanted and the probe could not take."""
+
+    pose_index: int
+    reason: str
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from sim.errors import FieldError
 
-from .case import MM, metres
-from .config import DEFAULT_PROBE, EpisodeConfig
+from ..case import MM, metres
+from ..config import DEFAULT_PROBE, EpisodeConfig
 
 if TYPE_CHECKING:
     from sim.world.probes.probe import ProbeModel

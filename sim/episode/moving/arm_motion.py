@@ -19,9 +19,9 @@ from sim.world.motion.servo import ServoArm, ServoRun
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 from sim.world.motion.timing import STILL, PathTimer, Trajectory
 
+from ..positioner import ArmPositioner
+from ..setup import Setup
 from .motion import JumpMotion, Motion, MotionModel, Phase, ProcedureStoppedError, blocked, joint_travel_rad
-from .positioner import ArmPositioner
-from .setup import Setup
 from .travel import Travel
 
 RECORD_DT_S = 0.01

@@ -1,0 +1,225 @@
+"""The belief about where an organ lies: a Gaussian over a rigid move and a breath, learnt from contacts.
+
+A point q of the organ at rest lies, when the organ has a share s of a full breath in it, at
+
+    p = c + Exp(w) (q - c) + u + s b
+
+with c the organ's middle, w a turn [rad], u a shift [m] and b the way of a full breath [m]. Before any contact, w, u
+and b are Gaussian about 0. The probe's tip met the surface where it was measured, at p_i; taken back to rest it lies
+on the surface of the plan but for a Gaussian error, so that with the signed distance d
+
+    0 = d(q_i) + e_i,   e_i ~ N(0, sigma^2),   q_i = c + Exp(-w) (p_i - u - s_i b - c).
+
+The mean is the most likely move, found by Gauss-Newton over all contacts, and the covariance the inverse of the
+Hessian there, as in Laplace's approximation. Directions that no contact tells about, such as along a smooth surface,
+keep their prior's variance: the belief says so. A contact that is far off, because the probe slid or met something
+else, counts for less, by Student's t with 5 degrees of freedom (Lange, Little and Taylor, JASA 84(408), 1989).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+SurfaceQuery = Callable[[Array], tuple[Array, Array]]
+"""Signed distance of points to the surface of the organ at rest [m], negative inside, and the unit directions in which
+it grows, shapes (N,) and (N, 3), from points of shape (N, 3)."""
+
+_FREEDOM = 5.0
+_SIDES = 1.5 * np.vstack([np.eye(3)[:2], -np.eye(3)[:2]])
+"""Starts of the search beside the last mean: this many of the prior's deviations along x and y, to either side."""
+_MANY = 10
+"""These starts are tried for so many contacts, and after them once in so many."""
+_MOST_STEPS = 20
+_STILL = 1e-5
+"""The search for the mean ends where a step is shorter than this [m, or rad times 1 m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigidPrior:
+    """What is expected of the move before any contact; standard deviations along, or about, each axis."""
+
+    shift_m: float = 0.010
+    """Of the shift u [m]: registrations of a liver in laparoscopy are 7 to 12 mm off."""
+    turn_rad: float = np.deg2rad(5.0)
+    """Of the turn w [rad]."""
+    breath_m: float = 0.0
+    """Of the way of a full breath b [m]; 0 of an organ that does not breathe."""
+    surface_m: float = 0.0005
+    """Of a contact about the surface of the plan, beside the error of the tip's measured place [m]: sigma^2 is the sum
+    of both squares."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A meeting of the tip with the organ's surface."""
+
+    position_m: Array
+    """Where the tip was measured, world frame [m], shape (3,)."""
+    inhaled_share: float = 0.0
+    """How much of a full breath was in the organ, s."""
+    noise_m: float = 0.0
+    """Standard deviation of the measured place along each axis [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Contacts:
+    """Contacts as arrays."""
+
+    positions_m: Array
+    """Shape (N, 3)."""
+    shares: Array
+    """Shape (N,)."""
+    noise_m: Array
+    """Shape (N,)."""
+
+
+class RigidBelief:
+    """A Gaussian over how an organ lies, with nine numbers: turn w, shift u, breath b."""
+
+    def __init__(self, surface: SurfaceQuery, middle_m: Array, prior: RigidPrior | None = None) -> None:
+        """Begin from the prior: the organ lies as planned, give or take.
+
+        Args:
+            surface: Signed distances to the surface of the organ at rest.
+            middle_m: The organ's middle c, rest frame [m], shape (3,).
+            prior: What is expected of the move.
+        """
+        prior = prior or RigidPrior()
+        self._surface, self._middle_m, self._surface_m = surface, middle_m, prior.surface_m
+        deviations = np.repeat([prior.turn_rad, prior.shift_m, prior.breath_m], 3)
+        self._is_free = deviations > 0.0
+        self._prior_deviation = deviations
+        self.mean: Array = np.zeros(9)
+        """The most likely w [rad], u [m] and b [m], shape (9,)."""
+        self.covariance: Array = np.diag(deviations**2)
+        """Their covariance, shape (9, 9)."""
+        self.contacts: list[Contact] = []
+
+    def observe(self, contact: Contact) -> None:
+        """Learn from one more contact; the belief is that of all contacts so far."""
+        self.contacts.append(contact)
+        contacts = _Contacts(
+            np.array([each.position_m for each in self.contacts]),
+            np.array([each.inhaled_share for each in self.contacts]),
+            np.hypot(self._surface_m, [each.noise_m for each in self.contacts]),
+        )
+        # What fits best from where the belief was, and from either side of it, where it might have got stuck.
+        starts = [self.mean]
+        if len(self.contacts) <= _MANY or len(self.contacts) % _MANY == 0:
+            starts += [*(_SIDES * self._prior_deviation[3:6] @ np.eye(3, 9, 3))]
+        found = min((self._fitted(start, contacts) for start in starts), key=lambda each: each[0])
+        _, self.mean, self.covariance = found
+
+    def _fitted(self, start: Array, contacts: _Contacts) -> tuple[float, Array, Array]:
+        """The most likely nine numbers next to a start: minus their log posterior, themselves, their covariance."""
+        mean, free = start.copy(), self._is_free
+        prior_precision = np.diag(self._prior_deviation[free] ** -2.0)
+        for _ in range(_MOST_STEPS):
+            distance_m, J = self._residuals(mean, contacts)
+            # Student's t as a Gaussian whose precision falls with the error.
+            weight = (
+                (_FREEDOM + 1.0) / (_FREEDOM + (distance_m / contacts.noise_m) ** 2) / contacts.noise_m**2
+            )
+            J = J[:, free]
+            precision = prior_precision + J.T @ (weight[:, None] * J)
+            step = -np.linalg.solve(precision, J.T @ (weight * distance_m) + prior_precision @ mean[free])
+            mean[free] += step
+            if np.abs(step).max() < _STILL:
+                break
+        distance_m, J = self._residuals(mean, contacts)
+        squares = (distance_m / contacts.noise_m) ** 2
+        cost = 0.5 * (_FREEDOM + 1.0) * np.log1p(squares / _FREEDOM).sum()
+        cost += 0.5 * mean[free] @ prior_precision @ mean[free]
+        weight = (_FREEDOM + 1.0) / (_FREEDOM + squares) / contacts.noise_m**2
+        covariance = np.zeros((9, 9))
+        covariance[np.ix_(free, free)] = np.linalg.inv(
+            prior_precision + J[:, free].T @ (weight[:, None] * J[:, free])
+        )
+        return float(cost), mean, covariance
+
+    def T_world_rest(self, inhaled_share: float = 0.0) -> Array:
+        """Where the organ most likely lies, as the map from its rest frame to the world, shape (4, 4).
+
+        Args:
+            inhaled_share: How much of a full breath is in it.
+        """
+        w, u, b = self.mean[:3], self.mean[3:6], self.mean[6:]
+        T = np.eye(4)
+        T[:3, :3] = Rotation.from_rotvec(w).as_matrix()
+        T[:3, 3] = self._middle_m - T[:3, :3] @ self._middle_m + u + inhaled_share * b
+        return T
+
+    def tip_correction(self, index: int) -> tuple[Array, Array]:
+        """By how much the tip of a contact was most likely measured off, to be added, and how sure that is.
+
+        At the mean of the belief the contact lies d off the surface along its normal n. That is the expected sum of the
+        errors of the tip and of the surface, of which the tip's is sigma_tip^2 / (sigma_tip^2 + sigma_surface^2).
+        Along the surface nothing is known.
+
+        Args:
+            index: The number of the contact, from 0.
+
+        Returns:
+            The correction in the rest frame [m], shape (3,), and its covariance [m^2], shape (3, 3).
+        """
+        contact = self.contacts[index]
+        tip_m2 = contact.noise_m**2
+        if tip_m2 == 0.0:
+            return np.zeros(3), np.zeros((3, 3))
+        T_world_rest = self.T_world_rest(contact.inhaled_share)
+        tip_m = (contact.position_m - T_world_rest[:3, 3]) @ T_world_rest[:3, :3]
+        distance_m, outward = self._surface(tip_m[None])
+        share = tip_m2 / (tip_m2 + self._surface_m**2)
+        across = np.outer(outward[0], outward[0])
+        return -share * distance_m[0] * outward[0], tip_m2 * (np.eye(3) - share * across)
+
+    def place_covariance_m2(self, points_m: Array, inhaled_share: float = 0.0) -> Array:
+        """How sure it is where points of the organ lie, covariances [m^2], shape (N, 3, 3).
+
+        Args:
+            points_m: Points of the organ, rest frame [m], shape (N, 3).
+            inhaled_share: How much of a full breath is in it.
+        """
+        turned_m = (points_m - self._middle_m) @ self.T_world_rest()[:3, :3].T
+        J = np.zeros((len(points_m), 3, 9))
+        J[:, :, :3] = -_cross_matrices(turned_m) @ _left_jacobian(self.mean[:3])
+        J[:, :, 3:6], J[:, :, 6:] = np.eye(3), inhaled_share * np.eye(3)
+        return J @ self.covariance @ J.transpose(0, 2, 1)
+
+    def _residuals(self, mean: Array, contacts: _Contacts) -> tuple[Array, Array]:
+        """Signed distances [m] of contacts taken back to rest, shape (N,), and their slopes, shape (N, 9)."""
+        w, u, b = mean[:3], mean[3:6], mean[6:]
+        R = Rotation.from_rotvec(w).as_matrix()
+        away_m = contacts.positions_m - u - contacts.shares[:, None] * b - self._middle_m
+        distance_m, outward = self._surface(away_m @ R + self._middle_m)
+        outward_world = outward @ R.T
+        J = np.empty((len(away_m), 9))
+        # Turning the organ by a small dw about its middle takes a point at rest back by dw x away.
+        J[:, :3] = np.cross(outward_world, away_m) @ _left_jacobian(w)
+        J[:, 3:6], J[:, 6:] = -outward_world, -contacts.shares[:, None] * outward_world
+        return distance_m, J
+
+
+def _cross_matrices(vectors: Array) -> Array:
+    """The matrices of the cross products with vectors, shape (N, 3, 3)."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+
+
+def _left_jacobian(w: Array) -> Array:
+    """How the turn Exp(w) turns further when w changes, shape (3, 3): Exp(w + dw) = Exp(J dw) Exp(w).
+
+    Sola et al., A micro Lie theory for state estimation in robotics, 2018, equation 145.
+    """
+    angle = float(np.linalg.norm(w))
+    W = _cross_matrices(w[None])[0]
+    if angle < 1e-6:
+        return np.eye(3) + 0.5 * W
+    return np.eye(3) + (1.0 - np.cos(angle)) / angle**2 * W + (angle - np.sin(angle)) / angle**3 * (W @ W)

@@ -1,0 +1,282 @@
+"""The body of an episode: where the organ truly is, what is believed of that, and the readings taken back to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from mapping import LabelledPoints
+from mapping.registration import Contact, RigidBelief, RigidPrior
+from sim.world.anatomy.anatomy import Anatomy
+from sim.world.body.contact import way_to_contact_m
+from sim.world.body.settings import BodySettings
+from sim.world.body.true_place import TruePlace, measured
+from sim.world.frames import rigid_inverse
+from sim.world.ik.settings import IkSettings
+from sim.world.motion.settings import MotionSettings
+from sim.world.sensing.reading import Reading
+from sim.world.sensing.sensor import SceneState, Sensor
+from sim.world.solids.surface_distance import surface_distance_of
+
+from .moving.contact_motion import ContactMotion
+from .moving.motion import MotionModel
+from .setup import Setup
+
+Registration = Literal["contacts", "none"]
+"""What tells during an episode where the organ lies: the contacts of the probe, or nothing."""
+MOVED_M, MOVED_SHARE = 0.0005, 0.5
+"""The map is laid anew when what is believed has moved some corner of the organ's box by more than this since [m], and
+by more than this share of how far such a corner is believed to be off."""
+SURE = 0.95
+"""Probability of the ellipsoid in which the belief says that a tumour lies."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyOptions:
+    """How the true world differs from the plan, and what is made of it."""
+
+    settings: BodySettings
+    registration: Registration = "contacts"
+    """What tells where the organ lies."""
+    motion: MotionSettings = field(default_factory=MotionSettings)
+    """Speeds of the way down."""
+    prior: RigidPrior | None = None
+    """What is expected of the place; None where it is known how far plans and breaths of this kind go."""
+
+    def place_deviation_m(self, depth_m: float) -> float:
+        """How far labels are believed to lie off along the surface, a standard deviation [m]: 0 where nobody asks.
+
+        That is what is known of the tip's measured place, and of its turn at half of the depth that is sensed.
+
+        Args:
+            depth_m: How deep a view reaches [m].
+        """
+        if self.registration == "none":
+            return 0.0
+        return float(np.hypot(self.settings.tracking_m, 0.5 * depth_m * self.settings.tracking_rad))
+
+
+@dataclass(frozen=True)
+class BodyScore:
+    """How well it is known after an action where the organ lies."""
+
+    target_error_m: float
+    """Mean distance between where the tumours are believed to lie and where they lie, at exhale [m]; without tumours,
+    that of the organ's middle."""
+    target_deviation_m: float
+    """What the belief says of that distance: the root of its mean square [m]; 0 where nothing is believed."""
+    within_share: float | None
+    """Share of the tumours that lie in the ellipsoid of 95 % that the belief states; None where it states none."""
+
+
+class Body:
+    """The organ of one episode, which need not be where the plan says."""
+
+    def __init__(
+        self,
+        options: BodyOptions,
+        setup: Setup,
+        state: SceneState,
+        targets_m: NDArray[np.float64],
+        rng: np.random.Generator,
+    ) -> None:
+        """Draw where the organ truly is, and begin to believe that it is where it was planned, give or take.
+
+        Args:
+            options: How the true world differs from the plan, and what is made of it.
+            setup: The plan.
+            state: The scene as it was planned.
+            targets_m: Middles of the tumours at which errors are told, rest frame [m], shape (T, 3).
+            rng: Draws the place and the tip's errors of measurement.
+        """
+        self.options = options
+        middle_m = setup.organ.bounds_m.mean(axis=0)
+        place_rng, self._tip_rng = rng.spawn(2)
+        self.place = TruePlace(options.settings, middle_m, place_rng)
+        self._setup, self._motion = setup, options.motion
+        self._planned, self._above_m = state, IkSettings().standoff_m
+        self._targets_m = targets_m if len(targets_m) else middle_m[None]
+        self._corners_m = np.array(
+            [[setup.organ.bounds_m[i, axis] for axis, i in enumerate(c)] for c in np.ndindex(2, 2, 2)]
+        )
+        self.belief: RigidBelief | None = None
+        if options.registration == "contacts":
+            surface = surface_distance_of(setup.organ).signed_distance_and_outward
+            self.belief = RigidBelief(surface, middle_m, options.prior or _prior(options.settings))
+        self.time_s = 0.0
+        """Time of the procedure until now [s]; whoever moves the probe moves it on."""
+        self.sensed_s = 0.0
+        """Time at which the probe senses [s]."""
+        self._points_world_m: list[NDArray[np.float64]] = []
+        self._laid_by: list[NDArray[np.float64]] = []
+
+    def followed_by(self, motion_model: MotionModel) -> MotionModel:
+        """A motion model that brings the probe to where the organ is believed to lie, and down to contact."""
+        setup, settings = self._setup, self._motion
+        return ContactMotion(
+            motion_model, setup.positioner, setup.scene.tip_site, self.find_contact, settings
+        )
+
+    def find_contact(
+        self, data: mujoco.MjData, T_planned: NDArray[np.float64], motion_s: float
+    ) -> tuple[NDArray[np.float64] | str, float]:
+        """Where the tip meets the organ when it is sent to where a pose is believed to lie; see `ContactMotion`."""
+        settings, arrived_s = self.options.settings, self.time_s + motion_s
+        wait_s = self.place.wait_s(arrived_s)
+        self.sensed_s = arrived_s + wait_s
+        T_sent = self.T_world_rest_believed(self.place.inhaled_share(self.sensed_s)) @ T_planned
+        T_rest_world = rigid_inverse(self.place.T_world_rest(self.sensed_s))
+        way_m = way_to_contact_m(
+            self._planned.rays,
+            data,
+            T_rest_world @ T_sent,
+            above_m=self._above_m,
+            search_m=settings.contact_search_m,
+        )
+        if way_m is None:
+            reason = (
+                f"The probe met no organ from {self._above_m * 1e3:g} mm above to "
+                f"{settings.contact_search_m * 1e3:g} mm below where its surface was expected."
+            )
+            self.time_s += motion_s
+            return reason, 0.0
+        T_contact = T_sent.copy()
+        T_contact[:3, 3] += way_m * T_sent[:3, 2]
+        return T_contact, wait_s
+
+    def state(self) -> SceneState:
+        """The scene with the organ where it is at the time of sensing."""
+        return self._planned.seen_from(rigid_inverse(self.place.T_world_rest(self.sensed_s)))
+
+    def read(self, sensor: Sensor, rng: np.random.Generator) -> Reading:
+        """The reading of the probe where it is now, taken back to rest by what is believed.
+
+        Args:
+            sensor: Makes the reading.
+            rng: The sensor's stream.
+        """
+        state = self.state()
+        T_world_probe = self._planned.T_world_probe
+        T_measured = measured(T_world_probe, self.options.settings, self._tip_rng)
+        reading = sensor.sense(state, rng).moved(T_measured @ rigid_inverse(state.T_world_probe))
+        share = self.place.inhaled_share(self.sensed_s)
+        if self.belief is not None:
+            noise_m = self.options.settings.tracking_m
+            self.belief.observe(Contact(T_measured[:3, 3], share, noise_m))
+        self._points_world_m.append(reading.points_m)
+        T = self._T_rest_world(len(self._laid_by), share)
+        self._laid_by.append(T)
+        return reading.moved(T)
+
+    def laid_anew(self, readings: Sequence[LabelledPoints]) -> list[LabelledPoints] | None:
+        """All readings at where they are now believed to lie; None where that is where they lie already.
+
+        Args:
+            readings: The readings so far, in their order.
+        """
+        shares = [0.0] * len(readings)
+        if self.belief is not None:
+            shares = [contact.inhaled_share for contact in self.belief.contacts]
+        now = [self._T_rest_world(index, share) for index, share in enumerate(shares)]
+        moves = np.array(now) - np.array(self._laid_by)
+        moved_m = np.linalg.norm(
+            self._corners_m @ moves[:, :3, :3].transpose(0, 2, 1) + moves[:, None, :3, 3], axis=2
+        )
+        if moved_m.max() <= max(MOVED_M, MOVED_SHARE * self._deviation_m()):
+            return None
+        self._laid_by = now
+        return [
+            reading.at(points_m @ T[:3, :3].T + T[:3, 3])
+            for reading, points_m, T in zip(readings, self._points_world_m, now, strict=True)
+        ]
+
+    def _deviation_m(self) -> float:
+        """How far the corners of the organ's box are believed to be off, a root mean square [m]."""
+        if self.belief is None:
+            return 0.0
+        covariances_m2 = self.belief.place_covariance_m2(self._corners_m)
+        return float(np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2).mean()))
+
+    def T_world_rest_believed(self, inhaled_share: float) -> NDArray[np.float64]:
+        """Where the organ is believed to lie, as the map from the rest frame to the world, shape (4, 4)."""
+        return np.eye(4) if self.belief is None else self.belief.T_world_rest(inhaled_share)
+
+    def done(self, sensing_s: float) -> BodyScore:
+        """How the action went that is over now.
+
+        Args:
+            sensing_s: How long the sensing took [s].
+        """
+        self.time_s = self.sensed_s + sensing_s
+        return self.score()
+
+    def score(self) -> BodyScore:
+        """How well it is known where the organ lies."""
+        T_true = self.place.T_world_rest(0.5 * self.options.settings.breathing_s)
+        T_believed = self.T_world_rest_believed(0.0)
+        difference = T_believed - T_true
+        error_m = self._targets_m @ difference[:3, :3].T + difference[:3, 3]
+        mean_m = float(np.linalg.norm(error_m, axis=1).mean())
+        if self.belief is None:
+            return BodyScore(mean_m, 0.0, None)
+        covariance_m2 = self.belief.place_covariance_m2(self._targets_m)
+        off = np.einsum("ni,nij,nj->n", error_m, np.linalg.inv(covariance_m2), error_m)
+        spread_m = float(np.sqrt(np.trace(covariance_m2, axis1=1, axis2=2).mean()))
+        return BodyScore(mean_m, spread_m, float((off <= chdtri(3, 1.0 - SURE)).mean()))
+
+    def own_frame_truth(self, anatomy: Anatomy) -> NDArray[np.bool_]:
+        """Which search points are tumour where everything is told in the frame in which the probe senses, shape (M,).
+
+        A map that lies wholly beside the plan, and is else right, is right there.
+
+        Args:
+            anatomy: The truth.
+        """
+        T_true = self.place.T_world_rest(0.5 * self.options.settings.breathing_s)
+        T = rigid_inverse(T_true) @ self.T_world_rest_believed(0.0)
+        return anatomy.is_tumour(self._setup.search_points_m @ T[:3, :3].T + T[:3, 3])
+
+    def record(self) -> dict[str, Any]:
+        """What is believed of the organ's place, and what is true, as plain data."""
+        T_world_rest = self.T_world_rest_believed(0.0)
+        T_input_world = rigid_inverse(T_world_rest @ self._setup.T_world_organ)
+        record: dict[str, Any] = {
+            "T_world_rest": T_world_rest.tolist(),
+            "T_input_world": T_input_world.tolist(),
+            "T_world_rest_true": self.place.T_world_rest(0.5 * self.options.settings.breathing_s).tolist(),
+        }
+        if self.belief is not None:
+            turn, shift, breath = self.belief.mean.reshape(3, 3).tolist()
+            record |= {"turn_rad": turn, "shift_m": shift, "breath_m": breath}
+            record |= {"covariance": self.belief.covariance.tolist()}
+        return record
+
+    def _T_rest_world(self, index: int, share: float) -> NDArray[np.float64]:
+        """What takes a reading back to rest by what is believed, shape (4, 4)."""
+        T_rest_world = rigid_inverse(self.T_world_rest_believed(share))
+        if self.belief is not None:
+            T_rest_world[:3, 3] += self.belief.tip_correction(index)[0]
+        return T_rest_world
+
+
+LEAST_PRIOR_M, LEAST_PRIOR_RAD = 1e-4, 1e-4
+"""What a plan that is said to be exact is still expected to be off, along and about each axis."""
+
+
+def _prior(settings: BodySettings) -> RigidPrior:
+    """What is expected where it is known how far plans and breaths of this kind go: so far along each axis.
+
+    That is wider by the root of 3 than a vector of known length in an unknown direction, so that a belief learnt from
+    contacts outweighs it soon.
+    """
+    return RigidPrior(
+        shift_m=max(settings.registration_m, LEAST_PRIOR_M),
+        turn_rad=max(settings.registration_rad, LEAST_PRIOR_RAD),
+        breath_m=settings.breathing_m,
+    )

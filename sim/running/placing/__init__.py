@@ -1,0 +1,1 @@
+"""Where arm and organ stand: their options, and what these become."""

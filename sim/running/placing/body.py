@@ -1,0 +1,73 @@
+"""Where the organ truly is, and what is made of that: options, and what they become."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sim.episode.body import BodyOptions, Registration
+from sim.errors import FieldError
+from sim.world.body.settings import BodySettings
+from sim.world.motion.settings import MotionKind, MotionSettings
+
+from ..case import MM
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyConfig:
+    """A body that is not quite where the plan says, that breathes, and a probe that is not measured exactly."""
+
+    registration_mm: float = 0.0
+    """How far the organ truly lies from where it was planned, in a direction drawn by the seed [mm]."""
+    registration_deg: float = 0.0
+    """By how much it is turned about its middle, about an axis drawn by the seed [degrees]."""
+    tracking_mm: float = 0.0
+    """Standard deviation, along each axis, of where the tip is measured about where it is [mm]."""
+    tracking_deg: float = 0.0
+    """Standard deviation, about each axis, of the measured turn of the tip about the true one [degrees]."""
+    breathing_mm: float = 0.0
+    """How far the organ is moved at full inhale from where it rests at exhale [mm]."""
+    breathing_s: float = 4.0
+    """Seconds of a breath."""
+    breathing_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Direction of that motion in the world."""
+    gating: bool = False
+    """Wait at each pose for the rest at exhale before sensing."""
+    contact_search_mm: float = 30.0
+    """How far below the expected surface the probe goes on to look for contact [mm]."""
+    register: Registration = "contacts"
+    """What tells where the organ lies: contacts (the belief is learnt from where the probe meets the surface) or none
+    (the plan is believed)."""
+
+
+def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> BodyOptions | None:
+    """How the true world differs from the plan; None where it does not.
+
+    Args:
+        config: The options.
+        motion: How the probe moves.
+        speeds: How fast.
+
+    Raises:
+        FieldError: A value is out of range.
+    """
+    settings = BodySettings(
+        registration_m=config.registration_mm * MM,
+        registration_rad=math.radians(config.registration_deg),
+        tracking_m=config.tracking_mm * MM,
+        tracking_rad=math.radians(config.tracking_deg),
+        breathing_m=config.breathing_mm * MM,
+        breathing_s=config.breathing_s,
+        breathing_axis=config.breathing_axis,
+        is_gated=config.gating,
+        contact_search_m=config.contact_search_mm * MM,
+    )
+    if settings.is_as_planned:
+        return None
+    if motion == "servo":
+        raise FieldError(
+            "motion",
+            motion,
+            "the servos' organ lies where it was planned. Choose kinematic or none with an organ that does not.",
+        )
+    return BodyOptions(settings=settings, registration=config.register, motion=speeds)

@@ -66,12 +66,12 @@ class BodyOptions:
 class BodyScore:
     """How well it is known after an action where the organ lies."""
 
-    target_error_m: float
+    registration_error_m: float
     """Mean distance between where the tumours are believed to lie and where they lie, at exhale [m]; without tumours,
     that of the organ's middle."""
-    target_deviation_m: float
+    registration_deviation_m: float
     """What the belief says of that distance: the root of its mean square [m]; 0 where nothing is believed."""
-    within_share: float | None
+    registration_within_share: float | None
     """Share of the tumours that lie in the ellipsoid of 95 % that the belief states; None where it states none."""
 
 

@@ -83,7 +83,7 @@ def account(summary: Mapping[str, Any], options: Mapping[str, Any], findings: Ma
         lesions += _lesions(target, "target", name)
     meaning = f"{MEANING} {PAPER}" if planner == PAPER_PLANNER else MEANING
     has_map = any(lesion.found for lesion in lesions)
-    ended = f"{_ended(summary, options)} {_left(summary)}".strip()
+    ended = " ".join(filter(None, (_ended(summary, options), _left(summary), _place(summary))))
     return Account(
         found=tuple(found),
         lesions=tuple(lesions),
@@ -190,6 +190,23 @@ def _left(summary: Mapping[str, Any]) -> str:
         f"{summary['lesions_unseeable_expected']:.2f} that no pose could: of the places and sizes that a lesion may "
         f"have, {summary['unseeable_share']:.1%} are out of every pose's sight."
     )
+
+
+def _place(summary: Mapping[str, Any]) -> str:
+    """How well it is known where the organ lies; empty where it lies as planned."""
+    if (error_m := summary.get("registration_error_m")) is None:
+        return ""
+    text = (
+        "The organ does not lie as planned. "
+        f"Its tumours are believed {error_m * 1e3:.1f} mm from where they lie"
+    )
+    if summary["registration_within_share"] is None:
+        text += ", since nothing was learnt of it"
+    else:
+        text += f", and the belief expects {summary['registration_deviation_m'] * 1e3:.1f} mm"
+    own = summary.get("auprc_own_frame")
+    frames = "" if own is None else f" In the frame of the probe alone, without the plan, the map's AUPRC is {own:.3f}."
+    return f"{text}.{frames}"
 
 
 def _claim(options: Mapping[str, Any]) -> str:

@@ -110,7 +110,8 @@ class Body:
             surface = surface_distance_of(setup.organ).signed_distance_and_outward
             self.belief = RigidBelief(surface, middle_m, options.prior or _prior(options.settings))
         self.time_s = 0.0
-        """Time of the procedure until now [s]; whoever moves the probe moves it on."""
+        """Time of the procedure until now [s]."""
+        self._began_s = 0.0
         self.sensed_s = 0.0
         """Time at which the probe senses [s]."""
         self._points_world_m: list[NDArray[np.float64]] = []
@@ -207,13 +208,14 @@ class Body:
         """Where the organ is believed to lie, as the map from the rest frame to the world, shape (4, 4)."""
         return np.eye(4) if self.belief is None else self.belief.T_world_rest(inhaled_share)
 
-    def done(self, sensing_s: float) -> BodyScore:
-        """How the action went that is over now.
+    def done(self, procedure_s: float) -> BodyScore:
+        """How well it is known where the organ lies, after an action that is over now.
 
         Args:
-            sensing_s: How long the sensing took [s].
+            procedure_s: How long it took, with the ways to poses that were missed [s].
         """
-        self.time_s = self.sensed_s + sensing_s
+        self._began_s += procedure_s
+        self.time_s = self._began_s
         return self.score()
 
     def score(self) -> BodyScore:

@@ -211,7 +211,7 @@ class Episode:
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
             target=target,
-            body=None if self.body is None else self.body.done(self._sensing_s),
+            body=None if self.body is None else self.body.done(motion.motion_s + self._sensing_s),
         )
 
     @property

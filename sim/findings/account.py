@@ -205,7 +205,11 @@ def _place(summary: Mapping[str, Any]) -> str:
     else:
         text += f", and the belief expects {summary['registration_deviation_m'] * 1e3:.1f} mm"
     own = summary.get("auprc_own_frame")
-    frames = "" if own is None else f" In the frame of the probe alone, without the plan, the map's AUPRC is {own:.3f}."
+    frames = (
+        ""
+        if own is None
+        else f" In the frame of the probe alone, without the plan, the map's AUPRC is {own:.3f}."
+    )
     return f"{text}.{frames}"
 
 

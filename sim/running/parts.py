@@ -131,7 +131,7 @@ def make_parts(
     speeds = motion_settings_of(config)
     body = body_of(config.body, config.moving.motion, speeds)
     off_m = 0.0 if body is None else body.place_deviation_m(scenario.cone_depth_m)
-    trust = trust_of(config, scenario, sensor, is_displaced=off_m > 0.0)
+    trust = trust_of(config, scenario, sensor)
     return EpisodeParts(
         scenario=scenario,
         planner=planner,

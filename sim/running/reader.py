@@ -126,21 +126,18 @@ def _given(config: ReaderConfig) -> list[str]:
     ]
 
 
-def trust_settings(
-    config: ReaderConfig, cone: Cone, *, errs: bool, is_displaced: bool = False
-) -> TrustSettings | None:
+def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSettings | None:
     """How far labels are trusted; None where they are taken as they are.
 
     Args:
         config: The options.
         cone: What a view holds.
         errs: Whether the sensor is one whose reader errs.
-        is_displaced: Whether labels lie where they are told only within some error.
 
     Raises:
         FieldError: Rates are to be told of a sensor that tells none.
     """
-    choice = config.label_trust or ("learnt" if errs or is_displaced else "exact")
+    choice = config.label_trust or ("learnt" if errs else "exact")
     if choice == "exact":
         return None
     if choice == "learnt":

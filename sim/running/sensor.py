@@ -48,20 +48,16 @@ def reader_errs(config: EpisodeConfig) -> bool:
     return config.sensor == CONE_WITH_ERRORS
 
 
-def trust_of(
-    config: EpisodeConfig, scenario: Scenario, sensor: Sensor | None, *, is_displaced: bool = False
-) -> TrustSettings | None:
+def trust_of(config: EpisodeConfig, scenario: Scenario, sensor: Sensor | None) -> TrustSettings | None:
     """How far labels are trusted; None where they are taken as they are.
 
     Args:
         config: What to run.
         scenario: Gives the cone.
         sensor: A sensor in place of the one that the configuration names, of whose errors nothing is known.
-        is_displaced: Whether labels lie where they are told only within some error, so that they err at rims.
 
     Raises:
         FieldError: Rates are to be told of a sensor that tells none.
     """
     cone = Cone(half_angle_rad=scenario.cone_half_angle_rad, depth_m=scenario.cone_depth_m)
-    errs = sensor is None and reader_errs(config)
-    return trust_settings(config.reading, cone, errs=errs, is_displaced=is_displaced)
+    return trust_settings(config.reading, cone, errs=sensor is None and reader_errs(config))

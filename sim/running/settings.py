@@ -85,7 +85,8 @@ def detail_of(
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
     if not is_on:
         return None
-    settings = DetailSettings() if trust is None else DetailSettings.of_many_labels()
+    may_err = trust is not None or place_deviation_m > 0.0
+    settings = DetailSettings.of_many_labels() if may_err else DetailSettings()
     return settings if place_deviation_m == 0.0 else settings.at_uncertain_places(place_deviation_m)
 
 

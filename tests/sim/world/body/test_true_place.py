@@ -53,7 +53,9 @@ def test_a_tip_is_measured_as_far_off_as_it_is_said_to_be() -> None:
     rng, settings = np.random.default_rng(0), BodySettings(tracking_m=0.003, tracking_rad=0.02)
     told = np.array([measured(np.eye(4), settings, rng) for _ in range(2000)])
     assert told[:, :3, 3].std(axis=0) == pytest.approx([0.003] * 3, rel=0.06)
-    assert Rotation.from_matrix(told[:, :3, :3]).as_rotvec().std(axis=0) == pytest.approx([0.02] * 3, rel=0.06)
+    assert Rotation.from_matrix(told[:, :3, :3]).as_rotvec().std(axis=0) == pytest.approx(
+        [0.02] * 3, rel=0.06
+    )
 
 
 @pytest.mark.parametrize(

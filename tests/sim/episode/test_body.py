@@ -1,0 +1,114 @@
+"""An episode with an organ that is not where it was planned: contact, the frame of readings, and the belief."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mapping import make_hilbert_map, teach
+from planner import make_planner
+from sim.episode.body import BodyOptions
+from sim.episode.episode import Episode
+from sim.episode.moving.motion import Phase
+from sim.world.body.settings import BodySettings
+from sim.world.frames import rigid_inverse
+from sim.world.solids.surface_distance import surface_distance_of
+
+OFF = {"registration_m": 0.008, "registration_rad": np.deg2rad(3.0)}
+
+
+def episode(setup, *, registration="contacts", planner="random", seed=0, **settings) -> Episode:
+    body = BodyOptions(settings=BodySettings(**settings), registration=registration)
+    return Episode(setup, make_planner(planner), seed=seed, body=body)
+
+
+def test_the_probe_comes_down_to_where_the_organ_truly_is(sphere_setup) -> None:
+    run, surface = episode(sphere_setup, **OFF), surface_distance_of(sphere_setup.organ)
+    for step in run.steps(4):
+        T_true = run.body.place.T_world_rest(run.body.sensed_s)
+        tip_rest_m = rigid_inverse(T_true) @ np.append(step.motion.tips_m[-1], 1.0)
+        assert abs(surface.signed_distance_m(tip_rest_m[None, :3])[0]) < 1e-5
+
+
+def test_labels_are_true_where_the_organ_truly_is(sphere_setup) -> None:
+    """With nothing learnt, a reading tells of places beside the plan, and its labels are right of where those lie."""
+    run = episode(sphere_setup, registration="none", seed=3, **OFF)
+    anatomy, n_tumour = run.truth.anatomy, 0
+    for step in run.steps(12):
+        T_rest_world = rigid_inverse(run.body.place.T_world_rest(run.body.sensed_s))
+        rest_m = step.reading.points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3]
+        np.testing.assert_array_equal(step.reading.is_occupied, anatomy.is_tumour(rest_m))
+        assert anatomy.is_inside_organ(rest_m).all()
+        n_tumour += step.reading.is_occupied.sum()
+        assert step.body.registration_within_share is None
+    assert n_tumour > 0
+
+
+def test_contacts_tell_where_the_organ_lies(sphere_setup) -> None:
+    run = episode(sphere_setup, **OFF)
+    errors_m = [step.body.registration_error_m for step in run.steps(25)]
+    assert errors_m[-1] < 0.4 * errors_m[0]
+    assert errors_m[-1] < 0.002
+
+
+def test_a_map_that_is_laid_anew_is_that_of_all_readings_where_they_now_lie(sphere_setup) -> None:
+    run = episode(sphere_setup, **OFF)
+    for _ in run.steps(6):
+        pass
+    fresh = make_hilbert_map(sphere_setup.map_space(run._map_settings, None))
+    for reading in run.readings:
+        teach(fresh, reading)
+    off = np.abs(fresh.predict_lattice().probability - run.prediction.probability).max()
+    assert off < 1e-6
+
+
+def test_a_belief_that_is_right_gives_the_readings_of_an_organ_that_lies_as_planned(sphere_setup) -> None:
+    """The body is a change of frame: an organ that only breathes, sensed at exhale, is where it was planned."""
+    still = Episode(sphere_setup, make_planner("random"), seed=1)
+    gated = episode(
+        sphere_setup,
+        registration="none",
+        seed=1,
+        breathing_m=0.02,
+        breathing_axis=(0.0, 0.0, 1.0),
+        is_gated=True,
+    )
+    for plain, other in zip(still.steps(4), gated.steps(4), strict=True):
+        assert plain.pose_index == other.pose_index
+        # The rest at exhale is within 2 % of the way.
+        np.testing.assert_allclose(
+            plain.reading.T_world_probe[:3, 3], other.reading.T_world_probe[:3, 3], atol=0.0006
+        )
+
+
+def test_a_gated_probe_waits_and_the_time_counts(sphere_setup) -> None:
+    run = episode(sphere_setup, registration="none", breathing_m=0.01, is_gated=True)
+    steps = list(run.steps(5))
+    assert any(step.motion.phases[-1] == Phase.HOLD for step in steps)
+    assert run.body.time_s == pytest.approx(sum(step.procedure_s for step in steps))
+
+
+def test_a_pose_without_contact_is_skipped_with_its_reason(sphere_setup) -> None:
+    run = episode(sphere_setup, registration="none", registration_m=0.05, contact_search_m=0.0, seed=0)
+    steps = list(run.steps(3))
+    reasons = [skipped.reason for step in steps for skipped in step.skipped]
+    assert reasons
+    assert all("met no organ from 40 mm above to 0 mm below" in reason for reason in reasons)
+
+
+def test_an_arm_follows_the_organ(sphere_arm_setup) -> None:
+    run, site = episode(sphere_arm_setup, **OFF), sphere_arm_setup.scene.tip_site
+    surface = surface_distance_of(sphere_arm_setup.organ)
+    for step in run.steps(3):
+        T_rest_world = rigid_inverse(run.body.place.T_world_rest(run.body.sensed_s))
+        tip_m = T_rest_world @ np.append(run.data.site(site).xpos, 1.0)
+        assert abs(surface.signed_distance_m(tip_m[None, :3])[0]) < 2e-4
+        assert np.all(np.diff(step.motion.time_s) > 0.0)
+
+
+def test_the_same_seed_gives_the_same_body(sphere_setup) -> None:
+    runs = [list(episode(sphere_setup, tracking_m=0.003, **OFF).steps(3)) for _ in range(2)]
+    for one, other in zip(*runs, strict=True):
+        np.testing.assert_array_equal(one.reading.points_m, other.reading.points_m)
+    noisy = BodySettings(tracking_m=0.003, **OFF)
+    assert replace(noisy, tracking_m=0.0) == BodySettings(**OFF)

@@ -151,9 +151,19 @@ class Body:
         T_contact[:3, 3] += way_m * T_sent[:3, 2]
         return T_contact, wait_s
 
+    @property
+    def T_world_rest(self) -> NDArray[np.float64]:
+        """Where the organ is at the time of sensing, as the map from the rest frame to the world, shape (4, 4)."""
+        return self.place.T_world_rest(self.sensed_s)
+
+    @property
+    def inhaled_share(self) -> float:
+        """How much of a full breath is in it then."""
+        return self.place.inhaled_share(self.sensed_s)
+
     def state(self) -> SceneState:
         """The scene with the organ where it is at the time of sensing."""
-        return self._planned.seen_from(rigid_inverse(self.place.T_world_rest(self.sensed_s)))
+        return self._planned.seen_from(rigid_inverse(self.T_world_rest))
 
     def read(self, sensor: Sensor, rng: np.random.Generator) -> Reading:
         """The reading of the probe where it is now, taken back to rest by what is believed.
@@ -166,7 +176,7 @@ class Body:
         T_world_probe = self._planned.T_world_probe
         T_measured = measured(T_world_probe, self.options.settings, self._tip_rng)
         reading = sensor.sense(state, rng).moved(T_measured @ rigid_inverse(state.T_world_probe))
-        share = self.place.inhaled_share(self.sensed_s)
+        share = self.inhaled_share
         if self.belief is not None:
             noise_m = self.options.settings.tracking_m
             self.belief.observe(Contact(T_measured[:3, 3], share, noise_m))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -20,6 +21,7 @@ from sim.world.sensing.sweep import Sweep
 
 from .bmode import bmode_panel
 from .captions import captioned, frame_settings
+from .moved_anatomy import moved_anatomy
 from .png import png_bytes
 
 LIKELY = 0.7
@@ -73,7 +75,7 @@ class EpisodeFrames(Closeable):
         if self._renderer is None:
             return
         start_s = perf_counter()
-        samples = self._renderer.render_samples(self._episode.data, self._overlay(step))
+        samples = self._samples(self._renderer, self._overlay(step))
         caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
         self._pending = [job for job in self._pending if not job.done() or job.result()]
         job = self._pool.submit(
@@ -81,6 +83,16 @@ class EpisodeFrames(Closeable):
         )
         self._pending.append(job)
         self.draw_s += perf_counter() - start_s
+
+    def _samples(self, renderer: SceneRenderer, overlay: Overlay) -> NDArray[np.uint8]:
+        """The picture of the present state, with the organ where it is, and what is known where it is believed."""
+        data, body = self._episode.data, self._episode.body
+        if body is None:
+            return renderer.render_samples(data, overlay)
+        T = body.T_world_rest_believed(body.inhaled_share)
+        sensed_m, cells_m = (each @ T[:3, :3].T + T[:3, 3] for each in (overlay.sensed_m, overlay.cells_m))
+        with moved_anatomy(data, body.T_world_rest):
+            return renderer.render_samples(data, replace(overlay, sensed_m=sensed_m, cells_m=cells_m))
 
     def _overlay(self, step: Step) -> Overlay:
         episode = self._episode

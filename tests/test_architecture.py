@@ -46,8 +46,8 @@ ROOMS = (
 WITHIN = {
     "mapping.belief": "mapping",
     "mapping.near_tumour": "mapping",
-    "mapping.trust": "mapping",
     "mapping.registration": "mapping",
+    "mapping.trust": "mapping",
     "sim.world.sensing.errors": "sim.world.sensing",
     "planner.baselines": "planner",
     "planner.find_and_outline": "planner",

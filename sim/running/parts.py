@@ -18,7 +18,6 @@ from planner import (
     planner_names,
     weighing_planner_names,
 )
-from sim.episode.body import BodyOptions
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
@@ -35,6 +34,7 @@ from .sensor import sensor_of, trust_of
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
 
 if TYPE_CHECKING:
+    from sim.episode.body import BodyOptions
     from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
-from sim.episode.body import BodyOptions, Registration
 from sim.errors import FieldError
-from sim.world.body.settings import BodySettings
 from sim.world.motion.settings import MotionKind, MotionSettings
 
 from ..case import MM
+
+if TYPE_CHECKING:
+    from sim.episode.body import BodyOptions
+
+Registration = Literal["contacts", "none"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +55,9 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
     Raises:
         FieldError: A value is out of range.
     """
+    from sim.episode.body import BodyOptions
+    from sim.world.body.settings import BodySettings
+
     settings = BodySettings(
         registration_m=config.registration_mm * MM,
         registration_rad=math.radians(config.registration_deg),

@@ -23,6 +23,7 @@ from ..stopping.what_is_left import WhatIsLeft
 from .fine_lattice import FineLattice, fine_lattice
 from .frontier import SUSPECTED, probability_at, seen_weight, sensed_points, unconfirmed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
+from .rims import rim_score
 from .suspects import suspects
 from .tour import MAX_STOPS, shortest_tour
 
@@ -149,9 +150,10 @@ class FindAndOutline(Planner):
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """The tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above.
 
-            score = V search + outline,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
+            score = V search + outline + rim,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
 
-        An outline below `least_gain_m3` counts as none.
+        An outline below `least_gain_m3` counts as none. What is in doubt at rims counts where views may be wrong, see
+        `rim_score`.
 
         Args:
             situation: What is known so far.
@@ -161,7 +163,9 @@ class FindAndOutline(Planner):
             return self.hidden_m3 * share
         outlined_m3 = self.outline_score(situation)
         hidden_m3 = self.hidden_m3 + self.hidden_ratio * _likely_m3(situation)
-        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
+        lattice = fine_lattice(situation.search_points_m)
+        rim_m3 = rim_score(situation, lattice, _probability(lattice, situation))
+        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0) + rim_m3
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
         """The share of what could still hide that each pose would find, shape (N,).

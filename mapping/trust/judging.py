@@ -16,8 +16,7 @@ itself:
 A label that agrees with its neighbours is no slip of a single point: with k of the 8 nearest on its side, q is the
 chance P(Binomial(8, p) >= k) that slips alone do that.
 
-Outlines that stray need no chance of their own. Views that draw them apart from each other disagree near the edge, and
-the map's latent crosses zero where they balance; to lower the odds of labels near an edge besides made maps worse.
+Outlines that stray are heeded where a map asks near neighbours, see `near_tumour.outline`.
 """
 
 from __future__ import annotations

@@ -69,10 +69,10 @@ def main(options: Options) -> None:
         seeds = range(options.first, options.first + options.seeds)
         runs = list(tqdm(pool.map(partial(play, options=options), seeds), total=len(seeds)))
     stopped = [each for each in runs if each["ended_by"] == "confident"]
-    actions = np.mean([each["n_steps"] for each in stopped]) if stopped else np.nan
+    actions = f"{np.mean([each['n_steps'] for each in stopped]):.1f}" if stopped else "-"
     too_early = sum(not each["is_all_found"] for each in stopped)
     head = [f"{options.scenario}, {options.reader}", "seeds", "stopped", "actions of these", "too early"]
-    row = ["", str(len(runs)), str(len(stopped)), f"{actions:.1f}", f"{too_early} of {len(stopped)}"]
+    row = ["", str(len(runs)), str(len(stopped)), actions, f"{too_early} of {len(stopped)}"]
     print(markdown_table(head, [row]))
 
 

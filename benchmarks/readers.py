@@ -108,11 +108,11 @@ def play(seed: int, *, reader: Reader, trust: Trust, options: Options) -> dict[s
         "truth": truth,
         "rates": (rates.false_positive, rates.false_negative, rates.missed, rates.invented),
         "update_s": np.mean([step.update_s + step.plan_s for step in steps]),
-        **_lesions(episode, score),
+        **lesions_of(episode, score),
     }
 
 
-def _lesions(episode: Episode, score: NDArray[np.float64]) -> dict[str, Any]:
+def lesions_of(episode: Episode, score: NDArray[np.float64]) -> dict[str, Any]:
     """The lesions, with their diameters and whether they were found, and the findings, with how sure and how true."""
     setup, anatomy = episode.setup, episode.truth.anatomy
     numbered: Any = label(setup.on_lattice(score > 0.0, outside=False), structure=np.ones((3, 3, 3)))

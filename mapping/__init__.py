@@ -25,6 +25,7 @@ from .trust.error_rates import ErrorRates
 from .trust.label_trust import LabelTrust
 from .trust.settings import TrustSettings
 from .trust.teaching import teach
+from .trust.votes import votes
 from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
 __all__ = [
@@ -53,4 +54,5 @@ __all__ = [
     "make_hilbert_map",
     "precision_recall_curve",
     "teach",
+    "votes",
 ]

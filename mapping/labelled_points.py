@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,7 +82,17 @@ class LabelledPoints:
         if not len(self.points_m):
             return np.zeros(0, dtype=np.int64)
         n = min(N_NEIGHBOURS, len(self.points_m))
-        tree = KDTree(self.points_m)
-        # A list of neighbours keeps the shape (K, n) where n is 1; the stubs know only a number.
-        _, nearest = tree.query(self.points_m, k=[*range(1, n + 1)])  # pyright: ignore[reportArgumentType]
+        # A list of neighbours keeps the shape (K, n) where n is 1.
+        _, nearest = self.tree.query(self.points_m, k=[*range(1, n + 1)])
         return (self.is_occupied[nearest] == self.is_occupied[:, None]).sum(axis=1)
+
+    @cached_property
+    def tree(self) -> Any:
+        """The tree that finds the points nearest to places."""
+        # The stubs take the neighbours of many places for one.
+        return KDTree(self.points_m)
+
+    @cached_property
+    def bounds_m(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Least and largest coordinates of the points [m], shapes (3,); there has to be one."""
+        return self.points_m.min(axis=0), self.points_m.max(axis=0)

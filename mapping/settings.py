@@ -101,10 +101,17 @@ class DetailSettings:
     doubt_m: float = 0.0075
     """Distance from the nearest label [m] over which this share grows, as 1 - exp(-(d / doubt_m)^2)."""
 
+    stray_m: float = 0.0
+    """How far the outline that a view draws strays from the true one [m], a standard deviation; of readings only whose
+    labels err together."""
+
     @classmethod
     def of_many_labels(cls) -> DetailSettings:
-        """The settings for labels that may be wrong: more of them answer for a place, and fewer are thinned out."""
-        return cls(n_neighbours=48, cube_m=0.001)
+        """The settings for labels that may be wrong: more of them answer for a place, and fewer are thinned out.
+
+        Outlines stray by 12 % of the radius in published readings (docs/readers.md), of a lesion of 25 mm 1.5 mm.
+        """
+        return cls(n_neighbours=48, cube_m=0.001, stray_m=0.0015)
 
     def at_uncertain_places(self, deviation_m: float) -> DetailSettings:
         """The settings for labels that lie off by a Gaussian shift along the surface.
@@ -133,6 +140,8 @@ class DetailSettings:
         for name in ("prior_mean", "bias"):
             if not np.isfinite(getattr(self, name)):
                 raise ValueError(f"`{name}` must be finite, not {getattr(self, name)}")
+        if not 0.0 <= self.stray_m < np.inf:
+            raise ValueError(f"`stray_m` must be 0 or more and finite, not {self.stray_m}")
         if not (isinstance(self.n_neighbours, int) and 1 <= self.n_neighbours <= 200):
             raise ValueError(f"`n_neighbours` must be a whole number from 1 to 200, not {self.n_neighbours}")
         if not 0.0 <= self.doubt < 1.0:

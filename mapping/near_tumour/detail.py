@@ -50,7 +50,10 @@ class Detail:
         self._places_m, self._settings = places_m, settings
         self._rates = (map_settings.false_positive_rate, map_settings.false_negative_rate)
         self._memory = LabelMemory(
-            cube_m=settings.cube_m, range_m=2.0 * settings.reach_m, false_positive_rate=self._rates[0]
+            cube_m=settings.cube_m,
+            range_m=2.0 * settings.reach_m,
+            false_positive_rate=self._rates[0],
+            stray_m=settings.stray_m,
         )
         self._place_tree: KDTree | None = None
         self._is_near = np.zeros(n, dtype=bool)

@@ -8,6 +8,7 @@ from scipy.spatial import KDTree
 
 from ..labelled_points import LabelledPoints
 from .local_classifier import Neighbours
+from .outline import heeding_outline
 
 _MOST_CHANCE = 0.99
 """Largest chance of a false label; at 1 a label would say nothing, and its spread would be infinite."""
@@ -21,14 +22,18 @@ class LabelMemory:
     `range_m` of a label of tumour that can be believed are in play: among them a classifier looks for neighbours.
     """
 
-    def __init__(self, *, cube_m: float, range_m: float, false_positive_rate: float) -> None:
+    def __init__(
+        self, *, cube_m: float, range_m: float, false_positive_rate: float, stray_m: float = 0.0
+    ) -> None:
         """Makes it empty.
 
         Args:
             cube_m: Side of the cubes [m].
             range_m: How near to tumour a label is in play [m].
             false_positive_rate: Share of free points that the sensor is believed to call tumour.
+            stray_m: How far outlines stray that a view draws [m], where labels err together.
         """
+        self._stray_m = stray_m
         self._cube_m, self._range_m, self._rate = cube_m, range_m, false_positive_rate
         self._cubes: set[tuple[int, int, int, int]] = set()
         self.points_m = np.empty((0, 3))
@@ -52,7 +57,7 @@ class LabelMemory:
             What was kept of it, its labels of tumour that can be believed [m], shape (T, 3), and the points [m] that
             have come into play, of this reading or of an earlier one, shape (P, 3).
         """
-        new = self._thinned(reading)
+        new = self._thinned(heeding_outline(reading, self._stray_m) if self._stray_m > 0.0 else reading)
         tumour_m = reading.believed_tumour_m(self._rate)
         self.points_m = np.concatenate([self.points_m, new.points_m])
         self.is_tumour = np.concatenate([self.is_tumour, new.is_occupied])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,27 @@ class ErrorRates:
     def err_together(self) -> bool:
         """Whether labels of one view err together."""
         return self.missed > 0.0 or self.invented > 0.0
+
+    @property
+    def correlation(self) -> float:
+        """How much labels of one view that lie together err together, from 0 (each by itself) to 1.
+
+        With the chance c that the view errs about a place and the chance q that a label errs by itself, a label is
+        wrong with the chance e = c + (1 - c) q, and the errors of two have the correlation
+
+            rho = c (1 - c) (1 - q)^2 / (e (1 - e))
+
+        The mean of both kinds of labels holds for both, the geometric one: if the labels of one kind counted for more
+        than those of the other, outlines would move to the other's side.
+        """
+        both = (self.invented, self.false_positive), (self.missed, self.false_negative)
+        return math.sqrt(math.prod(_correlation(together, alone) for together, alone in both))
+
+
+def _correlation(together: float, alone: float) -> float:
+    """The correlation of errors that come together by one chance, and alone by another; 0 without errors."""
+    wrong = together + (1.0 - together) * alone
+    return together * (1.0 - together) * (1.0 - alone) ** 2 / (wrong * (1.0 - wrong)) if wrong > 0.0 else 0.0
 
 
 PRIOR = ErrorRates(false_positive=0.002, false_negative=0.002, missed=0.08, invented=0.002)

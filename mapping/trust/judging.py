@@ -4,9 +4,11 @@ Where single labels err by themselves, a label says as much as its rates:
 
     L = log((1 - p_-) / p_+)   of a label of tumour,      L = log(p_- / (1 - p_+))   of a free one.
 
-Where a view misses whole lesions or invents some, its labels err together. Within `together_m` of a point they have
-one cause, so that n of them count for one, by powers w = 1 / n of their likelihoods. And a label's chance to be wrong
-is that its view errs about the place, or that it errs by itself:
+Where a view misses whole lesions or invents some, its labels err together. Of n labels within `together_m` whose errors
+have the correlation rho each counts for w = 1 / (1 + (n - 1) rho), by a power of its likelihood: the design effect of
+samples drawn in clusters (Kish 1965, section 5.4). All n count for one where they always err together, and for n where
+they err each by itself. And a label's chance to be wrong is that its view errs about the place, or that it errs by
+itself:
 
     P(tumour | free)  = i + (1 - i) q_+       i: invented, q_+: by itself
     P(free | tumour)  = m + (1 - m) q_-       m: missed
@@ -14,8 +16,7 @@ is that its view errs about the place, or that it errs by itself:
 A label that agrees with its neighbours is no slip of a single point: with k of the 8 nearest on its side, q is the
 chance P(Binomial(8, p) >= k) that slips alone do that.
 
-Outlines that stray need no chance of their own. Views that draw them apart from each other disagree near the edge, and
-the map's latent crosses zero where they balance; to lower the odds of labels near an edge besides made maps worse.
+Outlines that stray are heeded where a map asks near neighbours, see `near_tumour.outline`.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ def judged(reading: LabelledPoints, rates: ErrorRates) -> LabelledPoints:
     wrong = if_wrong + (1.0 - if_wrong) * slip
     right = (1.0 - if_right) * (1.0 - slip)
     log_odds = np.where(is_tumour, 1.0, -1.0) * np.maximum(np.log(right / wrong), 0.0)
-    weight = 1.0 / n_together(reading.points_m, is_tumour, rates.together_m)
+    n = n_together(reading.points_m, is_tumour, rates.together_m)
+    weight = 1.0 / (1.0 + (n - 1.0) * rates.correlation)
     return replace(reading, log_odds=log_odds, weight=weight)
 
 

@@ -23,6 +23,8 @@ from ..stopping.what_is_left import WhatIsLeft
 from .fine_lattice import FineLattice, fine_lattice
 from .frontier import SUSPECTED, probability_at, seen_weight, sensed_points, unconfirmed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
+from .rims import rim_score
+from .suspects import suspects
 from .tour import MAX_STOPS, shortest_tour
 
 _FAILURE_RADIUS_M = 0.008
@@ -148,9 +150,10 @@ class FindAndOutline(Planner):
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """The tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above.
 
-            score = V search + outline,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
+            score = V search + outline + rim,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
 
-        An outline below `least_gain_m3` counts as none.
+        An outline below `least_gain_m3` counts as none. What is in doubt at rims counts where views may be wrong, see
+        `rim_score`.
 
         Args:
             situation: What is known so far.
@@ -160,7 +163,9 @@ class FindAndOutline(Planner):
             return self.hidden_m3 * share
         outlined_m3 = self.outline_score(situation)
         hidden_m3 = self.hidden_m3 + self.hidden_ratio * _likely_m3(situation)
-        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
+        lattice = fine_lattice(situation.search_points_m)
+        rim_m3 = rim_score(situation, lattice, _probability(lattice, situation))
+        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0) + rim_m3
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
         """The share of what could still hide that each pose would find, shape (N,).
@@ -181,7 +186,7 @@ class FindAndOutline(Planner):
             outline = v sum over open points x in the pose's cone of  max(p(x), floor),   v the volume of a cell
 
         Open points lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding
-        that is not confirmed yet is open for some looks more, see `unconfirmed_points`.
+        that is not confirmed yet is open for some looks more, see `unconfirmed_points` and `suspects`.
 
         Args:
             situation: What is known so far.
@@ -189,12 +194,16 @@ class FindAndOutline(Planner):
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = _probability(lattice, situation)
-        around = lattice.near(_likely_tumour_m(lattice, probability, situation), self.margin_m)
+        suspected = suspects(situation, self.margin_m)
+        likely_m = np.concatenate([_likely_tumour_m(lattice, probability, situation), suspected.points_m])
+        around = lattice.near(likely_m, self.margin_m)
         points_m = lattice.points_m[around]
         is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
         if situation.missed_rate > 0.0:
             is_open |= unconfirmed_points(situation, points_m, probability[around], self.margin_m)
-        weights = np.maximum(probability[around], self.floor)[is_open]
+        chance = suspected.chance_at(points_m)
+        is_open |= chance > 0.0
+        weights = np.maximum(np.maximum(probability[around], chance), self.floor)[is_open]
         return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
 
     def confidence(self, situation: Situation) -> float:

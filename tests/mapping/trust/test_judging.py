@@ -129,3 +129,26 @@ def test_an_empty_reading_is_judged_too() -> None:
 def test_rates_out_of_range_are_named(wrong, text) -> None:
     with pytest.raises(ValueError, match=text):
         ErrorRates(**wrong)
+
+
+def test_the_correlation_of_errors_is_that_of_simulated_pairs() -> None:
+    """Pairs of labels of one place: the view errs about it, or each of them slips; 4e5 pairs give it to 0.01."""
+    missed, slip, rng = 0.1, 0.05, np.random.default_rng(0)
+    common = rng.random(400_000) < missed
+    first, second = (common | (rng.random(common.size) < slip) for _ in range(2))
+    rates = ErrorRates(missed=missed, false_negative=slip, invented=missed, false_positive=slip)
+    assert rates.correlation == pytest.approx(np.corrcoef(first, second)[0, 1], abs=0.01)
+
+
+def test_labels_count_together_or_in_full_as_they_err() -> None:
+    reading = LabelledPoints(points(40, half_m=0.001), np.zeros(40, bool))
+    together, mixed = (
+        judged(
+            reading, ErrorRates(missed=0.1, invented=0.01, false_positive=slip, false_negative=slip)
+        ).weight
+        for slip in (0.0, 0.2)
+    )
+    np.testing.assert_allclose(together, 1 / 40)
+    assert mixed is not None
+    assert (mixed > 3 / 40).all()
+    assert (mixed < 1.0).all()

@@ -69,12 +69,7 @@ class ElasticOrgan:
         contact = checked_contact(
             self.surface, position_m, direction, face_radius_m, cell_size_m=self.lattice.size_m
         )
-        near, weights = spread_weights(self.surface, contact)
-        to_near = self._to_surface[near]
-        load_n = np.outer(to_near.T @ weights, contact.direction)
-        moved_m = self._factors.solve(load_n.ravel()).reshape(-1, 3)
-        organ_m_per_n = float(weights @ (to_near @ moved_m) @ contact.direction)
-        compliance = self._compliance_m_per_n(contact, organ_m_per_n)
+        moved_m_per_n, compliance = self._response(contact)
         force_n = contact.force_of(
             compliance, force_n=force_n, depth_m=depth_m, thickness_m=float(self.surface.spans_m.min())
         )
@@ -85,20 +80,28 @@ class ElasticOrgan:
             force_n=force_n,
             strain=contact.check_strain(force_n, self.tissue.contact_modulus_pa),
             compliance_m_per_n=compliance,
-            coarse_m_per_n=self.lattice.on_box(moved_m),
+            coarse_m_per_n=self.lattice.on_box(moved_m_per_n),
         )
 
-    def _compliance_m_per_n(self, contact: Contact, organ_m_per_n: float) -> float:
-        """Depth of the face per force: the organ under the spread force, less that force's own dent, and the face's."""
+    def _response(self, contact: Contact) -> tuple[Array, float]:
+        """Displacement of the lattice's nodes under the spread force, shape (N, 3), and the face's depth [m/N].
+
+        The face goes as deep as the organ does under the spread force, less that force's own dent, and its own.
+        """
+        near, weights = spread_weights(self.surface, contact)
+        to_near = self._to_surface[near]
+        load_n = np.outer(to_near.T @ weights, contact.direction)
+        moved_m = self._factors.solve(load_n.ravel()).reshape(-1, 3)
+        organ = float(weights @ (to_near @ moved_m) @ contact.direction)
         modulus_pa = self.tissue.contact_modulus_pa
         spread = hertz_compliance_m_per_n(contact.spread_radius_m, modulus_pa)
-        return organ_m_per_n - spread + punch_compliance_m_per_n(contact.face_radius_m, modulus_pa)
+        return moved_m, organ - spread + punch_compliance_m_per_n(contact.face_radius_m, modulus_pa)
 
 
 def build_elastic_organ(
     organ: Solid, *, tumours: Sequence[Solid] = (), tissue: ElasticSettings | None = None
 ) -> ElasticOrgan:
-    """The elastic model of an organ, which takes about half a second.
+    """The elastic model of an organ, which takes some tenths of a second.
 
     Args:
         organ: The organ where it lies, its z axis pointing up.

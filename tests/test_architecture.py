@@ -15,6 +15,7 @@ ROOMS = (
     "sim.plugs",
     "sim.world",
     "sim.world.solids",
+    "sim.world.tissue",
     "sim.world.meshes",
     "sim.world.volumes",
     "sim.world.anatomy",

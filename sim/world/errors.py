@@ -33,5 +33,9 @@ class VolumeError(WorldError):
     """A label volume that cannot serve: unreadable, truncated, too large, or without the organ."""
 
 
+class TissueError(WorldError):
+    """Tissue that cannot be pressed: no stiffness, nothing to rest on, or a probe that does not stand on it."""
+
+
 class MissingPackageError(WorldError):
     """An optional package is needed and not installed."""

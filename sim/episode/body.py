@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,67 +12,29 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mapping import LabelledPoints
-from mapping.registration import Contact, RigidBelief, RigidPrior
+from mapping.registration import Contact, RigidBelief
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.body.contact import way_to_contact_m
-from sim.world.body.settings import BodySettings
 from sim.world.body.true_place import TruePlace, measured
+from sim.world.errors import TissueError
 from sim.world.frames import rigid_inverse
 from sim.world.ik.settings import IkSettings
-from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 from sim.world.solids.surface_distance import surface_distance_of
+from sim.world.tissue.indentation import Indentation
 
+from .body_options import BodyOptions, BodyScore, expected_place
 from .moving.contact_motion import ContactMotion
 from .moving.motion import MotionModel
 from .setup import Setup
+from .yielding import YieldingOrgan
 
-Registration = Literal["contacts", "none"]
-"""What tells during an episode where the organ lies: the contacts of the probe, or nothing."""
 MOVED_M, MOVED_SHARE = 0.0005, 0.5
 """The map is laid anew when what is believed has moved some corner of the organ's box by more than this since [m], and
 by more than this share of how far such a corner is believed to be off."""
 SURE = 0.95
 """Probability of the ellipsoid in which the belief says that a tumour lies."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class BodyOptions:
-    """How the true world differs from the plan, and what is made of it."""
-
-    settings: BodySettings
-    registration: Registration = "contacts"
-    """What tells where the organ lies."""
-    motion: MotionSettings = field(default_factory=MotionSettings)
-    """Speeds of the way down."""
-    prior: RigidPrior | None = None
-    """What is expected of the place; None where it is known how far plans and breaths of this kind go."""
-
-    def place_deviation_m(self, depth_m: float) -> float:
-        """How far labels are believed to lie off along the surface, a standard deviation [m]: 0 where nobody asks.
-
-        That is what is known of the tip's measured place, and of its turn at half of the depth that is sensed.
-
-        Args:
-            depth_m: How deep a view reaches [m].
-        """
-        if self.registration == "none":
-            return 0.0
-        return float(np.hypot(self.settings.tracking_m, 0.5 * depth_m * self.settings.tracking_rad))
-
-
-@dataclass(frozen=True)
-class BodyScore:
-    """How well it is known after an action where the organ lies."""
-
-    registration_error_m: float
-    """Mean distance between where the tumours are believed to lie and where they lie, at exhale [m]; without tumours,
-    that of the organ's middle."""
-    registration_deviation_m: float
-    """What the belief says of that distance: the root of its mean square [m]; 0 where nothing is believed."""
-    registration_within_share: float | None
-    """Share of the tumours that lie in the ellipsoid of 95 % that the belief states; None where it states none."""
 
 
 class Body:
@@ -83,7 +45,7 @@ class Body:
         options: BodyOptions,
         setup: Setup,
         state: SceneState,
-        targets_m: NDArray[np.float64],
+        anatomy: Anatomy,
         rng: np.random.Generator,
     ) -> None:
         """Draw where the organ truly is, and begin to believe that it is where it was planned, give or take.
@@ -92,7 +54,7 @@ class Body:
             options: How the true world differs from the plan, and what is made of it.
             setup: The plan.
             state: The scene as it was planned.
-            targets_m: Middles of the tumours at which errors are told, rest frame [m], shape (T, 3).
+            anatomy: The truth: tumours are stiffer than the organ, and errors are told at their middles.
             rng: Draws the place and the tip's errors of measurement.
         """
         self.options = options
@@ -101,14 +63,19 @@ class Body:
         self.place = TruePlace(options.settings, middle_m, place_rng)
         self._setup, self._motion = setup, options.motion
         self._planned, self._above_m = state, IkSettings().standoff_m
-        self._targets_m = targets_m if len(targets_m) else middle_m[None]
+        self._targets_m = anatomy.tumour_middles_m if anatomy.tumours else middle_m[None]
         self._corners_m = np.array(
             [[setup.organ.bounds_m[i, axis] for axis, i in enumerate(c)] for c in np.ndindex(2, 2, 2)]
         )
+        self.yielding: YieldingOrgan | None = None
+        if options.tissue is not None:
+            self.yielding = YieldingOrgan(setup, anatomy.tumours, options.tissue, options.press_n)
+        self.indentation: Indentation | None = None
+        """How the organ yields under the probe now; None where it does not."""
         self.belief: RigidBelief | None = None
         if options.registration == "contacts":
             surface = surface_distance_of(setup.organ).signed_distance_and_outward
-            self.belief = RigidBelief(surface, middle_m, options.prior or _prior(options.settings))
+            self.belief = RigidBelief(surface, middle_m, options.prior or expected_place(options.settings))
         self.time_s = 0.0
         """Time of the procedure until now [s]."""
         self._began_s = 0.0
@@ -149,6 +116,13 @@ class Body:
             return reason, 0.0
         T_contact = T_sent.copy()
         T_contact[:3, 3] += way_m * T_sent[:3, 2]
+        if self.yielding is not None:
+            try:
+                self.indentation = self.yielding.press(T_rest_world @ T_contact)
+            except TissueError as error:
+                self.time_s += motion_s
+                return f"The organ does not yield to the probe there: {error}.", 0.0
+            T_contact[:3, 3] += self.indentation.depth_m * T_sent[:3, 2]
         return T_contact, wait_s
 
     @property
@@ -162,8 +136,13 @@ class Body:
         return self.place.inhaled_share(self.sensed_s)
 
     def state(self) -> SceneState:
-        """The scene with the organ where it is at the time of sensing."""
-        return self._planned.seen_from(rigid_inverse(self.T_world_rest))
+        """The scene with the organ where it is at the time of sensing, before the probe presses."""
+        T_rest_world = rigid_inverse(self.T_world_rest)
+        if self.indentation is None:
+            return self._planned.seen_from(T_rest_world)
+        T_rest_tip = T_rest_world @ self._planned.T_world_probe
+        T_rest_world[:3, 3] -= self.indentation.depth_m * T_rest_tip[:3, 2]
+        return self._planned.seen_from(T_rest_world)
 
     def read(self, sensor: Sensor, rng: np.random.Generator) -> Reading:
         """The reading of the probe where it is now, taken back to rest by what is believed.
@@ -172,18 +151,32 @@ class Body:
             sensor: Makes the reading.
             rng: The sensor's stream.
         """
-        state = self.state()
-        T_world_probe = self._planned.T_world_probe
+        T_world_probe, share = self._planned.T_world_probe, self.inhaled_share
         T_measured = measured(T_world_probe, self.options.settings, self._tip_rng)
-        reading = sensor.sense(state, rng).moved(T_measured @ rigid_inverse(state.T_world_probe))
-        share = self.inhaled_share
+        reading = sensor.sense(self.state(), rng)
+        if self.indentation is not None:
+            reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
+        reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
+        reading = replace(reading, T_world_probe=T_measured)
         if self.belief is not None:
+            reading = self._released(reading, share)
             noise_m = self.options.settings.tracking_m
-            self.belief.observe(Contact(T_measured[:3, 3], share, noise_m))
+            self.belief.observe(Contact(reading.T_world_probe[:3, 3], share, noise_m))
         self._points_world_m.append(reading.points_m)
         T = self._T_rest_world(len(self._laid_by), share)
         self._laid_by.append(T)
         return reading.moved(T)
+
+    def _released(self, reading: Reading, share: float) -> Reading:
+        """A reading with tip and points where, by what is believed, they lay before the probe pressed."""
+        if self.yielding is None:
+            return reading
+        T_world_rest = self.T_world_rest_believed(share)
+        at_rest = reading.moved(rigid_inverse(T_world_rest))
+        points_m, depth_m = self.yielding.undone(at_rest.T_world_probe, at_rest.points_m)
+        T_rest_tip = at_rest.T_world_probe.copy()
+        T_rest_tip[:3, 3] -= depth_m * T_rest_tip[:3, 2]
+        return replace(at_rest, points_m=points_m, T_world_probe=T_rest_tip).moved(T_world_rest)
 
     def laid_anew(self, readings: Sequence[LabelledPoints]) -> list[LabelledPoints] | None:
         """All readings at where they are now believed to lie; None where that is where they lie already.
@@ -275,20 +268,3 @@ class Body:
         if self.belief is not None:
             T_rest_world[:3, 3] += self.belief.tip_correction(index)[0]
         return T_rest_world
-
-
-LEAST_PRIOR_M, LEAST_PRIOR_RAD = 1e-4, 1e-4
-"""What a plan that is said to be exact is still expected to be off, along and about each axis."""
-
-
-def _prior(settings: BodySettings) -> RigidPrior:
-    """What is expected where it is known how far plans and breaths of this kind go: so far along each axis.
-
-    That is wider by the root of 3 than a vector of known length in an unknown direction, so that a belief learnt from
-    contacts outweighs it soon.
-    """
-    return RigidPrior(
-        shift_m=max(settings.registration_m, LEAST_PRIOR_M),
-        turn_rad=max(settings.registration_rad, LEAST_PRIOR_RAD),
-        breath_m=settings.breathing_m,
-    )

@@ -30,7 +30,8 @@ from sim.world.sensing.cone_sensor import ConeSensor
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
-from .body import Body, BodyOptions
+from .body import Body
+from .body_options import BodyOptions
 from .measures import NEVER, never, note_first
 from .moving.approach import approach_first
 from .moving.arm_motion import make_motion_model
@@ -110,7 +111,7 @@ class Episode:
         self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
         self.body: Body | None = None
         if body is not None:
-            self.body = Body(body, setup, self._scene_state, self.truth.anatomy.tumour_middles_m, body_rng)
+            self.body = Body(body, setup, self._scene_state, self.truth.anatomy, body_rng)
             self._motion_model = self.body.followed_by(self._motion_model)
         self.first_seen = never(len(self.truth.anatomy.detection_points_m))
         self.readings: list[LabelledPoints] = []

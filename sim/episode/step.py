@@ -8,7 +8,7 @@ from typing import Literal
 from sim.world.ik.result import IkResult
 from sim.world.sensing.reading import Reading
 
-from .body import BodyScore
+from .body_options import BodyScore
 from .moving.motion import Motion, SkippedPose
 from .target_belief import TargetScore
 

@@ -34,7 +34,7 @@ from .sensor import sensor_of, trust_of
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
 
 if TYPE_CHECKING:
-    from sim.episode.body import BodyOptions
+    from sim.episode.body_options import BodyOptions
     from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor

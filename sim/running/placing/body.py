@@ -12,9 +12,11 @@ from sim.world.motion.settings import MotionKind, MotionSettings
 from ..case import MM
 
 if TYPE_CHECKING:
-    from sim.episode.body import BodyOptions
+    from sim.episode.body_options import BodyOptions
+    from sim.world.tissue.settings import ElasticSettings
 
 Registration = Literal["contacts", "none"]
+Tissue = Literal["rigid", "elastic"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +41,14 @@ class BodyConfig:
     """Wait at each pose for the rest at exhale before sensing."""
     contact_search_mm: float = 30.0
     """How far below the expected surface the probe goes on to look for contact [mm]."""
+    tissue: Tissue = "rigid"
+    """Whether the organ yields under the probe: rigid or elastic."""
+    press_n: float = 1.0
+    """Force at which the probe stops on elastic tissue [N]; more than about 4 is beyond linear elasticity."""
+    young_kpa: float = 5.0
+    """Young's modulus of elastic tissue [kPa]; healthy liver has 4 to 6."""
+    tumour_young_kpa: float = 50.0
+    """Young's modulus of the tumours in it [kPa]."""
     register: Registration = "contacts"
     """What tells where the organ lies: contacts (the belief is learnt from where the probe meets the surface) or none
     (the plan is believed)."""
@@ -55,7 +65,7 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
     Raises:
         FieldError: A value is out of range.
     """
-    from sim.episode.body import BodyOptions
+    from sim.episode.body_options import BodyOptions
     from sim.world.body.settings import BodySettings
 
     settings = BodySettings(
@@ -69,7 +79,8 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
         is_gated=config.gating,
         contact_search_m=config.contact_search_mm * MM,
     )
-    if settings.is_as_planned:
+    tissue = _tissue(config)
+    if settings.is_as_planned and tissue is None:
         return None
     if motion == "servo":
         raise FieldError(
@@ -77,4 +88,25 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
             motion,
             "the servos' organ lies where it was planned. Choose kinematic or none with an organ that does not.",
         )
-    return BodyOptions(settings=settings, registration=config.register, motion=speeds)
+    return BodyOptions(
+        settings=settings, registration=config.register, tissue=tissue, press_n=config.press_n, motion=speeds
+    )
+
+
+def _tissue(config: BodyConfig) -> ElasticSettings | None:
+    """What elastic tissue is made of; None of rigid tissue.
+
+    Raises:
+        FieldError: A value is out of range.
+    """
+    from sim.world.tissue.settings import ElasticSettings
+
+    ranges = (("press_n", 0.01, 50.0), ("young_kpa", 0.1, 1e5), ("tumour_young_kpa", 0.1, 1e5))
+    for name, low, high in ranges:
+        if not low <= (value := getattr(config, name)) <= high:
+            raise FieldError(name, value, f"must be from {low:g} to {high:g}.")
+    if config.tissue == "rigid":
+        return None
+    return ElasticSettings(
+        youngs_modulus_pa=config.young_kpa * 1e3, tumour_youngs_modulus_pa=config.tumour_young_kpa * 1e3
+    )

@@ -7,7 +7,7 @@ import pytest
 
 from mapping import make_hilbert_map, teach
 from planner import make_planner
-from sim.episode.body import BodyOptions
+from sim.episode.body_options import BodyOptions
 from sim.episode.episode import Episode
 from sim.episode.moving.motion import Phase
 from sim.world.body.settings import BodySettings

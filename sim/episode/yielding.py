@@ -1,0 +1,84 @@
+"""An organ that yields under the probe: how it truly does, and what is believed of it when readings are taken back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.errors import TissueError
+from sim.world.motion.settings import FACE_M
+from sim.world.solids.solid import Solid
+from sim.world.tissue.elastic_organ import build_elastic_organ
+from sim.world.tissue.indentation import Indentation
+from sim.world.tissue.settings import ElasticSettings
+
+from .positioner import ArmPositioner
+from .setup import Setup
+
+Array = NDArray[np.float64]
+
+
+class YieldingOrgan:
+    """The elastic organ of an episode, and the model of it that knows no tumours."""
+
+    def __init__(
+        self, setup: Setup, tumours: Sequence[Solid], tissue: ElasticSettings, press_n: float
+    ) -> None:
+        """Build both models.
+
+        Args:
+            setup: Gives the organ at rest and the probe's face.
+            tumours: The true tumours, which are stiffer; those who believe do not know of them.
+            tissue: What both are made of.
+            press_n: Force at which the probe stops [N].
+
+        Raises:
+            TissueError: The organ cannot be modelled.
+        """
+        self.press_n = press_n
+        self._true = build_elastic_organ(setup.organ, tumours=tumours, tissue=tissue)
+        self._believed = build_elastic_organ(setup.organ, tissue=tissue)
+        self._face_m = FACE_M
+        if isinstance(setup.positioner, ArmPositioner):
+            self._face_m = setup.positioner.search.clearance.probe.face_radius_m
+
+    def press(self, T_rest_tip: Array) -> Indentation:
+        """How the organ truly yields where the probe presses.
+
+        Args:
+            T_rest_tip: Where the tip first touches, rest frame, shape (4, 4).
+
+        Raises:
+            TissueError: The probe stands too aslant, or presses deeper than linear elasticity goes.
+        """
+        return self._true.press(
+            T_rest_tip[:3, 3], T_rest_tip[:3, 2], force_n=self.press_n, face_radius_m=self._face_m
+        )
+
+    def undone(self, T_rest_tip: Array, points_m: Array) -> tuple[Array, float]:
+        """Where points lay before the probe pressed, as it is believed, and how deep the tip is believed to be.
+
+        The depth is first that of a flat face on a half-space, and then that of the organ at the place that it gives.
+        Where the belief of the place is too far off for the organ's model, points stay, and the depth is the
+        half-space's.
+
+        Args:
+            T_rest_tip: Where the tip that presses is believed to be, rest frame, shape (4, 4).
+            points_m: Points that were read, likewise [m], shape (N, 3).
+
+        Returns:
+            Points [m], shape (N, 3), and the depth [m].
+        """
+        beam = T_rest_tip[:3, 2]
+        depth_m = self.press_n / (2.0 * self._believed.tissue.contact_modulus_pa * self._face_m)
+        try:
+            found = self._pressed(T_rest_tip[:3, 3] - depth_m * beam, beam)
+            found = self._pressed(T_rest_tip[:3, 3] - found.depth_m * beam, beam)
+            return found.rest_of(points_m), found.depth_m
+        except TissueError:
+            return points_m, depth_m
+
+    def _pressed(self, touched_m: Array, beam: Array) -> Indentation:
+        return self._believed.press(touched_m, beam, force_n=self.press_n, face_radius_m=self._face_m)

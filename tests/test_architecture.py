@@ -58,6 +58,7 @@ WITHIN = {
     "sim.cli.sensing": "sim.cli",
     "sim.world.anatomy.given": "sim.world.anatomy",
     "sim.world.sensing.ultrasound": "sim.world.sensing",
+    "sim.world.sensing.image_reader": "sim.world.sensing",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""
 MOST_FILES, MOST_LINES = 15, 300

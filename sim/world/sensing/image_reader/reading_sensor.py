@@ -50,6 +50,8 @@ class ReadingSensor(Sensor):
         if not self.tells_doubt:
             return reading
         told = np.clip(log_odds - self.reader.weights.prior_log_odds, -MOST_LOG_ODDS, MOST_LOG_ODDS)
+        # Between the odds of any cell and one half a point is called free though it speaks for tumour: it says nothing.
+        told = np.where(reading.is_occupied, np.maximum(told, 0.0), np.minimum(told, 0.0))
         weight = 1.0 / _n_together(reading.points_m, reading.is_occupied)
         return replace(reading, log_odds=told, weight=weight)
 

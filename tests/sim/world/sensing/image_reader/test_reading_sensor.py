@@ -77,6 +77,7 @@ def test_doubt_is_told_as_likelihoods_that_agree_with_the_labels(reading):
     # The prior odds of lesion are far below 1, so that a label of tumour speaks for it all the more.
     assert reading.log_odds[reading.is_occupied].min() > 0.0
     assert reading.log_odds[reading.is_occupied].mean() > 3.0
+    assert reading.log_odds[~reading.is_occupied].max() <= 0.0
     assert reading.log_odds[~reading.is_occupied].mean() < -2.0
     assert (reading.weight > 0.0).all()
     assert (reading.weight <= 1.0).all()

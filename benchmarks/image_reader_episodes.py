@@ -1,7 +1,7 @@
 """Episodes with the reader of images: are the lesions found and outlined in 30 actions, and what does trust bring?
 
     .venv/bin/python -m benchmarks.image_reader_episodes [--cases liver lits_27_predtum unc_p2_HCC_031 skvtk_patient]
-        [--readers image] [--trust learnt told] [--tissues hypoechoic] [--actions 30] [--seeds 8] [--first 0]
+        [--readers image] [--trust told learnt] [--tissues hypoechoic] [--actions 30] [--seeds 8] [--first 0]
 
 Episodes of find-and-outline with a free probe and the sensor ultrasound. A case is a scenario, or the name of a
 patient's liver in $SOUNDING_DATA/livers, which is left out where it is not there. With the trust `learnt` map and
@@ -44,7 +44,7 @@ class Options:
 
     cases: tuple[str, ...] = CASES
     readers: tuple[str, ...] = ("image",)
-    trust: tuple[str, ...] = ("learnt",)
+    trust: tuple[str, ...] = ("told",)
     """How labels are trusted; those of the reader exact always are."""
     tissues: tuple[str, ...] = ("hypoechoic",)
     actions: int = 30

@@ -69,7 +69,7 @@ class ReaderConfig:
     label_trust: LabelTrustName | None = None
     """How far the map and the planner trust labels: exact (they are never wrong), told (they know the rates at which
     the reader errs; the reader image says of each label how sure it is) or learnt (they find the rates as readings
-    come); by default learnt where a reader errs, and exact with all other sensors."""
+    come); by default told with the reader image, learnt with others that err, and exact where none errs."""
 
 
 _UNITS = {
@@ -163,6 +163,20 @@ def _given(config: ReaderConfig) -> list[str]:
     ]
 
 
+def label_trust_of(config: ReaderConfig, *, errs: bool) -> LabelTrustName:
+    """How far labels are trusted: as the options say, or by default as suits the reader.
+
+    Args:
+        config: The options.
+        errs: Whether the sensor is one whose reader errs.
+    """
+    if config.label_trust is not None:
+        return config.label_trust
+    if not errs:
+        return "exact"
+    return "told" if config.reader == IMAGE else "learnt"
+
+
 def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSettings | None:
     """How far labels are trusted; None where they are taken as they are.
 
@@ -174,7 +188,7 @@ def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSett
     Raises:
         FieldError: Rates are to be told of a sensor that tells none.
     """
-    choice = config.label_trust or ("learnt" if errs else "exact")
+    choice = label_trust_of(config, errs=errs)
     if choice == "exact":
         return None
     if choice == "learnt":

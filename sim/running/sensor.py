@@ -11,7 +11,15 @@ from sim.plugs import SENSOR
 
 from .config import CONE_WITH_ERRORS, SENSORS, ULTRASOUND, EpisodeConfig
 from .own import own_plug, refuse_options
-from .reader import IMAGE, check_image_reader, check_no_reader, has_reader, reader_errors, trust_settings
+from .reader import (
+    IMAGE,
+    check_image_reader,
+    check_no_reader,
+    has_reader,
+    label_trust_of,
+    reader_errors,
+    trust_settings,
+)
 from .ultrasound import ultrasound_sensor_of
 
 if TYPE_CHECKING:
@@ -36,7 +44,7 @@ def sensor_of(config: EpisodeConfig) -> Sensor:
         from sim.world.sensing.image_reader.reading_sensor import ReadingSensor
 
         ultrasound = ultrasound_sensor_of(config.ultrasound)
-        tells_doubt = config.reading.label_trust == "told"
+        tells_doubt = label_trust_of(config.reading, errs=True) == "told"
         return ReadingSensor(ultrasound=ultrasound, reader=reader, tells_doubt=tells_doubt)
     exact: Sensor = ConeSensor()
     if config.sensor == ULTRASOUND:

@@ -129,8 +129,8 @@ def test_pictures_may_be_read_with_errors_too() -> None:
 
 def test_the_reader_of_images_is_trusted_as_far_as_it_proves_or_as_it_says() -> None:
     pytest.importorskip("numba")
-    learnt, told, taken = (
-        make_parts(config_of(IMAGE, label_trust=trust)) for trust in (None, "told", "exact")
+    told, learnt, taken = (
+        make_parts(config_of(IMAGE, label_trust=trust)) for trust in (None, "learnt", "exact")
     )
     assert (learnt.sensor.tells_doubt, told.sensor.tells_doubt, taken.sensor.tells_doubt) == (
         False,

@@ -1,6 +1,6 @@
 """Trains the network of the reader of images on pictures of generated livers, and writes its weights.
 
-    pip install -e '.[ultrasound,train]'
+    .venv/bin/pip install -e '.[ultrasound,train]'
     .venv/bin/python -m benchmarks.train_image_reader                       # the shipped weights
     .venv/bin/python -m benchmarks.train_image_reader --livers 2 --steps 50 --tuning 1 --out renders/weights.safetensors
 

@@ -33,7 +33,7 @@ MOST_BYTES = 50_000_000
 """No reader is larger; a larger file is none."""
 MOST_LEVELS = 5
 """Frames are halved at most four times."""
-AGAIN = "Train it anew with `python -m benchmarks.train_image_reader`, or leave the option out for the shipped ones"
+AGAIN = "Train it anew (benchmarks.train_image_reader of the repository), or leave the option out for the shipped ones"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

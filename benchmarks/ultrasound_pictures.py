@@ -1,8 +1,10 @@
 """Three B-mode pictures for docs/sensing.md: a lesion among vessels, a cyst and a calcification, a rib.
 
     .venv/bin/python -m benchmarks.ultrasound_pictures [--out docs/figures/ultrasound.png]
+    .venv/bin/python -m benchmarks.ultrasound_pictures --read --out docs/figures/image_reader.png
 
-The embedded liver has no vessels, so that a tree of tubes is put into it, for the pictures only.
+The embedded liver has no vessels, so that a tree of tubes is put into it, for the pictures only. With --read, what the
+reader of images takes for lesion is outlined; it looks at the planes on both sides too, as it does in a sweep.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from sim.world.anatomy.anatomy import Anatomy
 from sim.world.anatomy.structures import Structure
 from sim.world.frames import frames_along
 from sim.world.scene.scene import build_scene
+from sim.world.sensing.image_reader.reading_sensor import ReadingSensor
 from sim.world.sensing.sensor import SceneState
 from sim.world.sensing.ultrasound.ultrasound_sensor import TissueChoice, UltrasoundSensor
 from sim.world.solids.solid import Solid
@@ -38,9 +41,11 @@ TRUNK_M, TWIG_M = 0.0042, 0.0010
 def main() -> None:
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("docs/figures/ultrasound.png"))
-    out = parser.parse_args().out
-    panels = [panel(*each) for each in scenes()]
-    out.write_bytes(png_bytes(np.hstack(panels)[..., 0], compression=9))
+    parser.add_argument("--read", action="store_true")
+    options = parser.parse_args()
+    out, is_read = options.out, options.read
+    pixels = np.hstack([panel(*each, is_read=is_read) for each in scenes()])
+    out.write_bytes(png_bytes(pixels if is_read else pixels[..., 0], compression=9))
     print(f"written to {out}")
 
 
@@ -65,12 +70,15 @@ def scenes():
         yield setup, dataclasses.replace(truth.anatomy, structures=structures), pose, tissue
 
 
-def panel(setup, anatomy: Anatomy, pose: int, tissue: str):
+def panel(setup, anatomy: Anatomy, pose: int, tissue: str, *, is_read: bool = False):
     """The picture of one plane."""
     scene = build_scene(dataclasses.replace(anatomy, structures=()), setup.cone, arm=None)
     data = scene.new_data()
     FreePositioner(scene, setup.workspace).place(data, pose, is_lifted=False)
     sensor = UltrasoundSensor(n_planes=1, tissues=TissueChoice(tumour=tissue))
+    if is_read:
+        gap_rad = 2.0 * setup.cone.half_angle_rad / (UltrasoundSensor.n_planes - 1)
+        sensor = ReadingSensor(ultrasound=dataclasses.replace(sensor, n_planes=3, half_sweep_rad=gap_rad))
     state = SceneState(dataclasses.replace(scene, anatomy=anatomy), data)
     sweep = sensor.sense(state, np.random.default_rng(0)).images
     return bmode_panel(sweep, HEIGHT_PX)[CAPTION_PX:-40]

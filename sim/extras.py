@@ -46,6 +46,9 @@ EXTRAS = {
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"
     ),
+    "train": Extra(
+        "torch", "torch", "training of the reader of images, which runs without it", is_for_users=False
+    ),
     "pymust": Extra("pymust", "pymust", "an oracle of the slow tests of ultrasound", is_for_users=False),
     "docs": Extra("mkdocs-material", "material", "the pages as a site (`make docs`)", is_for_users=False),
     "lint": Extra("pyright", "pyright", "the linter and the type checker (`make check`)", is_for_users=False),

@@ -63,6 +63,7 @@ WITHIN = {
     "sim.episode.moving": "sim.episode",
     "sim.running.placing": "sim.running",
     "sim.world.sensing.ultrasound": "sim.world.sensing",
+    "sim.world.sensing.image_reader": "sim.world.sensing",
 }
 """Rooms within a room, which stand on some of its modules and serve others."""
 MOST_FILES, MOST_LINES = 15, 300

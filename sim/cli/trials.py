@@ -49,10 +49,11 @@ class Options:
     sensor: tuple[str, ...] = ()
     """Sensors, which may be your own as package.module:Class; by default cone."""
     reader: tuple[ReaderName, ...] = ()
-    """Readers of the sensor cone-with-errors: exact or published; by default exact. A study may name each error."""
+    """Readers of the sensors cone-with-errors and ultrasound: exact or published, and for ultrasound image; by default
+    exact. A study may name each error."""
     label_trust: tuple[LabelTrustName, ...] = ()
-    """How far labels are trusted: exact, told or learnt; by default learnt with cone-with-errors, and exact with all
-    other sensors."""
+    """How far labels are trusted: exact, told or learnt; by default told with the reader image, learnt with others
+    that err, and exact where none errs."""
     arm: tuple[str, ...] = ()
     """Arms: default (the embedded one), none, or paths of MJCF files; by default the embedded one."""
     probe: tuple[str, ...] = ()

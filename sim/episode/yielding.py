@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from sim.world.errors import TissueError
 from sim.world.motion.settings import FACE_M
 from sim.world.solids.solid import Solid
+from sim.world.solids.surface_distance import surface_distance_of
 from sim.world.tissue.elastic_organ import build_elastic_organ
 from sim.world.tissue.indentation import Indentation
 from sim.world.tissue.settings import ElasticSettings
@@ -18,6 +20,9 @@ from .positioner import ArmPositioner
 from .setup import Setup
 
 Array = NDArray[np.float64]
+
+_STEPS_BACK = 20
+"""Steps back along the beam to the surface, each as long as the distance from it."""
 
 
 class YieldingOrgan:
@@ -40,6 +45,7 @@ class YieldingOrgan:
         self.press_n = press_n
         self._true = build_elastic_organ(setup.organ, tumours=tumours, tissue=tissue)
         self._believed = build_elastic_organ(setup.organ, tissue=tissue)
+        self._surface = surface_distance_of(setup.organ)
         self._face_m = FACE_M
         if isinstance(setup.positioner, ArmPositioner):
             self._face_m = setup.positioner.search.clearance.probe.face_radius_m
@@ -60,9 +66,8 @@ class YieldingOrgan:
     def undone(self, T_rest_tip: Array, points_m: Array) -> tuple[Array, float]:
         """Where points lay before the probe pressed, as it is believed, and how deep the tip is believed to be.
 
-        The depth is first that of a flat face on a half-space, and then that of the organ at the place that it gives.
-        Where the belief of the place is too far off for the organ's model, points stay, and the depth is the
-        half-space's.
+        The tip first touched where its beam crosses the surface at rest, or nearer to where the organ's depth under the
+        force puts it. Where the organ's model has no answer, points stay, and the depth is that of a half-space.
 
         Args:
             T_rest_tip: Where the tip that presses is believed to be, rest frame, shape (4, 4).
@@ -72,13 +77,21 @@ class YieldingOrgan:
             Points [m], shape (N, 3), and the depth [m].
         """
         beam = T_rest_tip[:3, 2]
-        depth_m = self.press_n / (2.0 * self._believed.tissue.contact_modulus_pa * self._face_m)
         try:
-            found = self._pressed(T_rest_tip[:3, 3] - depth_m * beam, beam)
-            found = self._pressed(T_rest_tip[:3, 3] - found.depth_m * beam, beam)
+            found = self._pressed(self._touched_m(T_rest_tip), beam)
+            with suppress(TissueError):
+                # The force tells the depth better than the surface, where the belief of the place is good.
+                found = self._pressed(T_rest_tip[:3, 3] - found.depth_m * beam, beam)
             return found.rest_of(points_m), found.depth_m
         except TissueError:
-            return points_m, depth_m
+            return points_m, self.press_n / (2.0 * self._believed.tissue.contact_modulus_pa * self._face_m)
+
+    def _touched_m(self, T_rest_tip: Array) -> Array:
+        """Where a tip that presses first touched: back along the beam, where the surface at rest is."""
+        touched_m = T_rest_tip[:3, 3].copy()
+        for _ in range(_STEPS_BACK):
+            touched_m += self._surface.signed_distance_m(touched_m[None])[0] * T_rest_tip[:3, 2]
+        return touched_m
 
     def _pressed(self, touched_m: Array, beam: Array) -> Indentation:
         return self._believed.press(touched_m, beam, force_n=self.press_n, face_radius_m=self._face_m)

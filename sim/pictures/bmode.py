@@ -7,6 +7,7 @@ import json
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
+from scipy.ndimage import binary_erosion
 
 from sim.record.run_folder import RunFolder
 from sim.world.sensing.sweep import KeptPlanes, Sweep
@@ -20,6 +21,10 @@ TICK_M = 0.01
 """Depth from one mark of the scale to the next [m]."""
 TICKS_A_NUMBER = 5
 """Marks from one number of the scale to the next."""
+OUTLINE = "#56B4E9"
+"""The outline of what a reader saw: the map's blue, lighter, since it stands on black."""
+OUTLINE_PX = 2
+"""Its width."""
 MARK_INK = (150, 156, 164)
 SCALE_PX = 72
 """Width of the scale."""
@@ -59,6 +64,8 @@ def sweep_png(sweep: Sweep, plane: int) -> bytes:
 def bmode_panel(sweep: Sweep, height_px: int) -> NDArray[np.uint8]:
     """The middle plane as a panel to stand beside a frame: a caption above, a scale of depth at its side.
 
+    What a reader took for lesion is outlined in the colour of the map.
+
     Args:
         sweep: What the sensor drew.
         height_px: Height of the panel, caption included.
@@ -70,9 +77,12 @@ def bmode_panel(sweep: Sweep, height_px: int) -> NDArray[np.uint8]:
     picture = Image.fromarray(sweep.images[sweep.middle]).resize((size_px, size_px), Image.Resampling.LANCZOS)
     panel = Image.new("RGB", (SCALE_PX + size_px, height_px))
     panel.paste(picture.convert("RGB"), (SCALE_PX, CAPTION_PX))
+    if sweep.middle_lesions is not None:
+        outline = Image.fromarray(_outline(sweep.middle_lesions, size_px))
+        panel.paste(OUTLINE, (SCALE_PX, CAPTION_PX), mask=outline)
     draw = ImageDraw.Draw(panel)
     draw.rectangle((0, 0, panel.width, CAPTION_PX - 1), fill=PAPER)
-    text = "ultrasound"
+    text = "ultrasound" if sweep.middle_lesions is None else "ultrasound, read"
     if len(sweep.images) > 1:
         text += f"   ·   plane {sweep.middle + 1} of {len(sweep.images)}"
     draw.text((20, CAPTION_PX // 2), text, font=label_font(CAPTION_SIZE_PX), fill=INK, anchor="lm")
@@ -85,3 +95,12 @@ def bmode_panel(sweep: Sweep, height_px: int) -> NDArray[np.uint8]:
             depth_mm = f"{mark * TICK_M * 1e3:.0f} mm"
             draw.text((24, y_px), depth_mm, font=label_font(MARK_SIZE_PX), fill=MARK_INK, anchor="lm")
     return np.asarray(panel)
+
+
+def _outline(mask: NDArray[np.bool_], size_px: int) -> NDArray[np.bool_]:
+    """The outline of a mask that is scaled to a square, shape (size_px, size_px)."""
+    scaled = Image.fromarray(mask.astype(np.uint8) * 255).resize(
+        (size_px, size_px), Image.Resampling.BILINEAR
+    )
+    is_in = np.asarray(scaled) > 127
+    return is_in & ~binary_erosion(is_in, iterations=OUTLINE_PX)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from mapping import ErrorRates, TrustSettings
@@ -16,7 +17,9 @@ from .case import MM
 if TYPE_CHECKING:
     from sim.world.sensing.errors.reader_errors import ReaderErrors
 
-ReaderName = Literal["exact", "published"]
+ReaderName = Literal["exact", "published", "image"]
+IMAGE: ReaderName = "image"
+"""The name of the reader that looks at the pictures."""
 LabelTrustName = Literal["exact", "told", "learnt"]
 
 
@@ -28,8 +31,11 @@ class ReaderConfig:
     """
 
     reader: ReaderName = "exact"
-    """Reader: exact (errs only as the options below say), or published (errs as published readers of liver ultrasound
-    do; docs/readers.md has the figures)."""
+    """Reader: exact (errs only as the options below say), published (errs as published readers of liver ultrasound do;
+    docs/readers.md has the figures), or image (a small network that reads the pictures of the sensor ultrasound, and
+    errs as it does)."""
+    reader_weights: Path | None = None
+    """Weights of the reader image (.safetensors), of a training of your own; by default those that come along."""
     flipped_free: float | None = None
     """Share of free points that the reader calls tumour, each by itself."""
     flipped_tumour: float | None = None
@@ -58,8 +64,8 @@ class ReaderConfig:
     """Names of structures behind which nothing is seen, as bone and gas hide it."""
     label_trust: LabelTrustName | None = None
     """How far the map and the planner trust labels: exact (they are never wrong), told (they know the rates at which
-    the reader errs) or learnt (they find the rates as readings come); by default learnt where a reader errs, and
-    exact with all other sensors."""
+    the reader errs; the reader image says of each label how sure it is) or learnt (they find the rates as readings
+    come); by default told with the reader image, learnt with others that err, and exact where none errs."""
 
 
 _UNITS = {
@@ -70,7 +76,7 @@ _UNITS = {
     "penetration_mm": ("penetration_m", MM),
 }
 """The errors that fields become which people set in other units, and the factor to them."""
-_NOT_ERRORS = ("reader", "shadowing")
+_NOT_ERRORS = ("reader", "reader_weights", "shadowing")
 """Options of a reader that are no size of an error."""
 
 
@@ -112,6 +118,31 @@ def check_no_reader(config: ReaderConfig, sensor: str) -> None:
         )
 
 
+def check_image_reader(config: ReaderConfig, sensor: str, ultrasound: str) -> None:
+    """Refuse what does not go with the reader of images, and what goes with no other.
+
+    Args:
+        config: The options.
+        sensor: The sensor that is chosen.
+        ultrasound: The one that draws pictures.
+
+    Raises:
+        FieldError: Options do not go together.
+    """
+    if config.reader != IMAGE:
+        if config.reader_weights is not None:
+            raise FieldError("reader_weights", config.reader_weights, f"goes only with the reader {IMAGE}.")
+        return
+    if sensor != ultrasound:
+        problem = f"reads pictures, and the sensor {sensor} draws none. Choose the sensor {ultrasound}."
+        raise FieldError("reader", config.reader, problem)
+    for name in _given(config):
+        if name not in ("reader", "reader_weights"):
+            raise FieldError(
+                name, getattr(config, name), f"does not go with the reader {IMAGE}, whose errors are its own."
+            )
+
+
 def has_reader(config: ReaderConfig) -> bool:
     """Whether an option of the reader is given."""
     return bool(_given(config))
@@ -126,6 +157,20 @@ def _given(config: ReaderConfig) -> list[str]:
     ]
 
 
+def label_trust_of(config: ReaderConfig, *, errs: bool) -> LabelTrustName:
+    """How far labels are trusted: as the options say, or by default as suits the reader.
+
+    Args:
+        config: The options.
+        errs: Whether the sensor is one whose reader errs.
+    """
+    if config.label_trust is not None:
+        return config.label_trust
+    if not errs:
+        return "exact"
+    return "told" if config.reader == IMAGE else "learnt"
+
+
 def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSettings | None:
     """How far labels are trusted; None where they are taken as they are.
 
@@ -137,10 +182,13 @@ def trust_settings(config: ReaderConfig, cone: Cone, *, errs: bool) -> TrustSett
     Raises:
         FieldError: Rates are to be told of a sensor that tells none.
     """
-    choice = config.label_trust or ("learnt" if errs else "exact")
+    choice = label_trust_of(config, errs=errs)
     if choice == "exact":
         return None
     if choice == "learnt":
+        return TrustSettings()
+    if config.reader == IMAGE:
+        # Its readings say themselves how far labels can be believed; what is learnt is how often views miss lesions.
         return TrustSettings()
     if not errs:
         raise FieldError(

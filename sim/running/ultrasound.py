@@ -51,7 +51,8 @@ class UltrasoundConfig:
     organ_tissue: str = "liver"
     """Tissue of the organ; docs/sensing.md has the table of tissues."""
     tumour_tissue: str = "hypoechoic"
-    """Tissue of the tumours: hypoechoic, isoechoic, hyperechoic, or another of the table."""
+    """Tissue of the tumours: hypoechoic, isoechoic, hyperechoic, or another of the table; or by-lesion, where each has
+    a look of its own, drawn once by the shares in docs/readers.md."""
     target_tissue: str = "hyperechoic"
     """Tissue of the bodies of a second class."""
     surroundings_tissue: str = "fat"

@@ -18,6 +18,8 @@ from sim.episode.truth import Truth, make_truth
 from sim.errors import FieldError
 from sim.pictures.bmode import bmode_panel
 from sim.pictures.png import png_bytes
+from sim.world.sensing.image_reader.image_reader import ImageReader
+from sim.world.sensing.image_reader.reading_sensor import ReadingSensor
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState
 from sim.world.sensing.ultrasound.ultrasound_sensor import UltrasoundSensor
@@ -64,6 +66,7 @@ def draw_plane(
     pose: tuple[float, ...] | None,
     rock_rad: float,
     out: Path,
+    reader: ImageReader | None = None,
 ) -> DrawnPlane:
     """Draw the plane of a free probe at a sensing pose of a scenario.
 
@@ -75,6 +78,7 @@ def draw_plane(
             comes nearest to the middle of the largest tumour.
         rock_rad: Angle of the plane to the beam [rad].
         out: The PNG to write.
+        reader: What reads the picture, with its neighbours of a sweep; None to label it exactly.
 
     Raises:
         FieldError: There is no such pose.
@@ -87,7 +91,8 @@ def draw_plane(
     data = truth.scene.new_data()
     FreePositioner(truth.scene, setup.workspace).place(data, index, is_lifted=False)
     single = replace(sensor, n_planes=1, middle_rock_rad=rock_rad)
-    reading = single.sense(SceneState(truth.scene, data), sensor_rng)
+    state = SceneState(truth.scene, data)
+    reading = single.sense(state, sensor_rng) if reader is None else _read(single, reader, state, sensor_rng)
     assert reading.images is not None
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as file:
@@ -97,6 +102,16 @@ def draw_plane(
         position_m=setup.workspace.positions_m[index],
         reading=reading,
         n_points=single.n_points,
+    )
+
+
+def _read(
+    single: UltrasoundSensor, reader: ImageReader, state: SceneState, rng: np.random.Generator
+) -> Reading:
+    """The reading of a plane between its neighbours of a sweep, which a reader looks at too."""
+    gap_rad = 2.0 * state.cone.half_angle_rad / (UltrasoundSensor.n_planes - 1)
+    return ReadingSensor(ultrasound=replace(single, n_planes=3, half_sweep_rad=gap_rad), reader=reader).sense(
+        state, rng
     )
 
 

@@ -20,7 +20,7 @@ from sim.world.scene.arm import MODELS_DIR
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("sim", "planner", "mapping")
-DATA = {".xml", ".json", ".stl", ".toml", ".j2", ".js", ".css", ".txt", ".md"}
+DATA = {".xml", ".json", ".stl", ".toml", ".j2", ".js", ".css", ".txt", ".md", ".safetensors"}
 """Endings of the files besides Python's that the packages read, and of what tells where those are from."""
 
 

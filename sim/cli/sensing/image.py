@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from sim.cli.terminal import parse
 from sim.errors import FieldError
@@ -13,11 +14,14 @@ from sim.record.default_folders import file_part, first_path
 from sim.running.case import MM, AnatomyConfig, CaseConfig
 from sim.running.config import ULTRASOUND, EpisodeConfig, SensingConfig
 from sim.running.parts import scenario_of
+from sim.running.reader import ReaderConfig
+from sim.running.sensor import image_reader_of
 from sim.running.ultrasound import UltrasoundConfig, ultrasound_sensor_of
 
 EXAMPLES = """
 sounding image
 sounding image --scenario generated-liver --seed 7 --pose 520 10 150
+sounding image --reader image
 sounding image --pose 1200 --rock-deg 8 --tumour-tissue hyperechoic --out lesion.png
 """
 """What the help begins with."""
@@ -38,6 +42,11 @@ class Options:
     that looks straight at the largest tumour."""
     rock_deg: float = 0.0
     """Angle by which the plane is rocked about the contact [degrees]."""
+    reader: Literal["exact", "image"] = "exact"
+    """What says where in the picture tumour is: exact (the truth), or image (the reader of pictures, whose outline is
+    drawn)."""
+    reader_weights: Path | None = None
+    """Weights of the reader image (.safetensors); by default those that come along."""
     out: Path | None = None
     """Picture to draw (.png); by default renders/image-<scenario>-<seed>.png, with a number behind the name where that
     is taken."""
@@ -75,8 +84,10 @@ def run(options: Options) -> int:
         anatomy=options.anatomy,
         sensing=options.sensing,
         ultrasound=options.ultrasound,
+        reading=ReaderConfig(reader=options.reader, reader_weights=options.reader_weights),
     )
     sensor, scenario = ultrasound_sensor_of(options.ultrasound), scenario_of(config)
+    reader = image_reader_of(config)
     # Imported here, since MuJoCo takes half a second, and help needs none of it.
     from sim.viewing.bmode import draw_plane
 
@@ -90,6 +101,7 @@ def run(options: Options) -> int:
         pose=pose if pose is None or len(pose) == 1 else tuple(each * MM for each in pose),
         rock_rad=math.radians(options.rock_deg),
         out=out,
+        reader=reader,
     )
     print(f"{drawn.text}\nwritten to       {out}")
     return 0

@@ -28,6 +28,9 @@ class Sweep:
     """The z of their upper edge [m]."""
     planes: NDArray[np.int64]
     """The plane that each point of the reading lies on, shape (N,)."""
+    middle_lesions: NDArray[np.bool_] | None = None
+    """Which pixels of the middle plane's picture a reader took for lesion, shape (rows, columns); None where nobody
+    read the pictures."""
 
     @property
     def middle(self) -> int:

@@ -17,6 +17,7 @@ from sim.world.sensing.errors.erring_sensor import ErringSensor
 from sim.world.sensing.errors.published import PUBLISHED
 from sim.world.sensing.errors.reader_errors import ReaderErrors
 
+IMAGE = {"sensor": "ultrasound", "reader": "image", "scenario": "sphere", "arm": "none"}
 ERRING = {"sensor": "cone-with-errors", "scenario": "sphere", "arm": "none"}
 
 
@@ -83,6 +84,15 @@ def test_a_false_blob_is_told_by_its_share_of_the_cone() -> None:
         ({**ERRING, "flipped_free": 0.6, "flipped_tumour": 0.5}, "0.5: must add up to less than 1"),
         ({**ERRING, "sensor_option": ("a=1",)}, "goes only with a sensor of your own"),
         ({"label_trust": "told"}, "only a reader that errs tells its rates"),
+        (
+            {"reader": "image"},
+            "reader=image: reads pictures, and the sensor cone draws none. Choose the sensor ultrasound",
+        ),
+        ({**ERRING, "reader": "image"}, "the sensor cone-with-errors draws none"),
+        ({**IMAGE, "missed_share": 0.1}, "does not go with the reader image, whose errors are its own"),
+        ({**IMAGE, "shadowing": ("rib",)}, "does not go with the reader image"),
+        ({"reader_weights": "own.safetensors"}, "goes only with the reader image"),
+        ({**IMAGE, "reader_weights": "none.safetensors"}, "this file cannot be read"),
         ({"sensor": "cone-with-eror"}, "Did you mean cone-with-errors?"),
     ],
 )
@@ -113,6 +123,32 @@ def test_pictures_may_be_read_with_errors_too() -> None:
     assert isinstance(erring.sensor, ErringSensor)
     assert erring.sensor.exact == exact.sensor
     assert erring.trust.learns
+
+
+def test_the_reader_of_images_is_trusted_as_far_as_it_proves_or_as_it_says() -> None:
+    pytest.importorskip("numba")
+    told, learnt, taken = (
+        make_parts(config_of(IMAGE, label_trust=trust)) for trust in (None, "learnt", "exact")
+    )
+    assert (learnt.sensor.tells_doubt, told.sensor.tells_doubt, taken.sensor.tells_doubt) == (
+        False,
+        True,
+        False,
+    )
+    assert learnt.trust.learns
+    assert told.trust.learns
+    assert taken.trust is None
+
+
+def test_an_episode_with_the_reader_of_images_is_the_same_again(tmp_path) -> None:
+    pytest.importorskip("numba")
+    for name in ("one", "two"):
+        summary = sounding.run_episode(
+            **IMAGE, seed=1000, steps=2, out=tmp_path / name, report=False, show_progress=False
+        )
+        assert summary["n_sensings"] == 2
+    maps = [(tmp_path / name / "map.npz").read_bytes() for name in ("one", "two")]
+    assert maps[0] == maps[1]
 
 
 def test_a_reading_with_pictures_keeps_the_plane_of_each_point_that_stays(tmp_path) -> None:

@@ -138,6 +138,21 @@ def test_image_draws_one_picture_and_says_what_it_shows(tmp_path, capsys):
         assert not np.array_equal(np.asarray(picture.convert("L")), first)
 
 
+def test_image_draws_what_the_reader_sees(tmp_path, capsys):
+    pictures = []
+    for reader in ("exact", "image"):
+        out = tmp_path / f"{reader}.png"
+        command = ["image", "--scenario", "sphere", "--seed", "1003", "--reader", reader, "--out", str(out)]
+        assert main(command) == 0
+        assert "tumour           none" not in capsys.readouterr().out
+        with Image.open(out) as picture:
+            pictures.append(np.asarray(picture.convert("RGB")).astype(int))
+    # The exact picture is grey, and on the other stands a blue outline.
+    blue = [(each[60:, 80:, 2] - each[60:, 80:, 0]).max() for each in pictures]
+    assert blue[0] == 0
+    assert blue[1] > 100
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

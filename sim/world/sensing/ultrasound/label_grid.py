@@ -87,7 +87,7 @@ def cut_grid(
     *,
     surroundings: Tissue,
     organ: Tissue,
-    tumour: Tissue,
+    lesions: Sequence[tuple[Solid, Tissue]],
     target: Tissue,
     structures: Sequence[Tissue],
     spacing_m: float = 0.001,
@@ -102,7 +102,7 @@ def cut_grid(
         anatomy: What to cut, world frame.
         surroundings: The tissue about the organ.
         organ: The organ's tissue.
-        tumour: The tumours' tissue.
+        lesions: The bodies of the tumours, each with its tissue; a later one lies over an earlier one.
         target: The tissue of the bodies of a second class.
         structures: The tissue of each of the anatomy's structures.
         spacing_m: Distance of the nodes [m].
@@ -125,7 +125,7 @@ def cut_grid(
     below = [(each.solid, tissue) for each, tissue in by_name if tissue.name == DEFAULT_STRUCTURE]
     above = [(each.solid, tissue) for each, tissue in by_name if tissue.name != DEFAULT_STRUCTURE]
     targets = anatomy.target.tumours if anatomy.target is not None else ()
-    inner = [(solid, tumour) for solid in anatomy.tumours] + [(solid, target) for solid in targets]
+    inner = [*lesions, *((solid, target) for solid in targets)]
     for bodies, within in ((below, None), (inner, is_organ), (above, None)):
         for solid, tissue in bodies:
             if tissue not in tissues:

@@ -10,11 +10,15 @@ a sonographer calls by the name.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from sim.errors import FieldError
 from sim.suggestions import did_you_mean
 from sim.world.names import fold, meaning_of
+from sim.world.solids.solid import Solid
+
+from ..errors.echogenicity import MIXED, echogenicity_of
 
 SILENT_DB = -120.0
 """Backscatter of what has no scatterers, against liver [dB]."""
@@ -84,18 +88,52 @@ WORDS = {
 """Words of structures' names by the tissue that they mean; a vessel's are those of `sim.world.names`."""
 
 
-def tissue_named(name: str, *, field: str) -> Tissue:
+BY_LESION = "by-lesion"
+"""In the place of the tumours' tissue: each lesion has a look of its own."""
+CORE = 0.6
+"""Size of the bright core of a lesion of both kinds, as a share of the lesion's."""
+
+
+def lesion_bodies(lesions: Iterable[Solid], tissue: str) -> list[tuple[Solid, Tissue]]:
+    """The bodies of lesions with the tissue of each, those within others last.
+
+    Args:
+        lesions: The lesions.
+        tissue: The tissue of all, or `BY_LESION`: then each looks as `echogenicity_of` draws it once and for all, and
+            one of both kinds is hypoechoic with a hyperechoic core.
+
+    Raises:
+        FieldError: There is no such tissue.
+    """
+    if tissue != BY_LESION:
+        return [
+            (solid, tissue_named(tissue, field="tumour_tissue", others=(BY_LESION,))) for solid in lesions
+        ]
+    bodies = []
+    for solid in lesions:
+        look = echogenicity_of(solid)
+        bodies.append((solid, TISSUES["hypoechoic" if look is MIXED else look.name]))
+        if look is MIXED:
+            middle_m = solid.bounds_m.mean(axis=0)
+            core = Solid(middle_m + CORE * (solid.vertices_m - middle_m), solid.faces)
+            bodies.append((core, TISSUES["hyperechoic"]))
+    return bodies
+
+
+def tissue_named(name: str, *, field: str, others: tuple[str, ...] = ()) -> Tissue:
     """The tissue of a name.
 
     Args:
         name: A name of `TISSUES`.
         field: The option that named it, for the error.
+        others: What else the option takes, for the error.
 
     Raises:
         FieldError: There is no such tissue.
     """
     if name not in TISSUES:
-        remedy = f"choose a tissue: {', '.join(TISSUES)}.{did_you_mean(name, TISSUES)}"
+        known = (*TISSUES, *others)
+        remedy = f"choose a tissue: {', '.join(known)}.{did_you_mean(name, known)}"
         raise FieldError(field, name, remedy)
     return TISSUES[name]
 

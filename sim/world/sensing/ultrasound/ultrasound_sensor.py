@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from planner import Cone
 from sim.errors import FieldError
 from sim.suggestions import did_you_mean
 from sim.world.anatomy.anatomy import Anatomy
@@ -24,7 +25,7 @@ from .label_grid import LabelGrid, cut_grid
 from .labels import exact_labels
 from .settings import Settings
 from .sweep_pattern import sweep_pattern
-from .tissues import tissue_named, tissue_of_structure
+from .tissues import BY_LESION, lesion_bodies, tissue_named, tissue_of_structure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +35,7 @@ class TissueChoice:
     organ: str = "liver"
     """Tissue of the organ."""
     tumour: str = "hypoechoic"
-    """Tissue of the tumours."""
+    """Tissue of the tumours; or `by-lesion`, where each has a look of its own."""
     target: str = "hyperechoic"
     """Tissue of the bodies of a second class."""
     surroundings: str = "fat"
@@ -44,8 +45,10 @@ class TissueChoice:
 
     def __post_init__(self) -> None:
         """Checks that the tissues are known."""
-        for name in ("organ", "tumour", "target", "surroundings"):
+        for name in ("organ", "target", "surroundings"):
             tissue_named(getattr(self, name), field=f"{name}_tissue")
+        if self.tumour != BY_LESION:
+            tissue_named(self.tumour, field="tumour_tissue", others=(BY_LESION,))
         for _, tissue in self.structures:
             tissue_named(tissue, field="structure_tissue")
 
@@ -110,9 +113,7 @@ class UltrasoundSensor(Sensor):
             state: The scene now.
             rng: Shifts the points on the planes, and chooses the noise.
         """
-        array = (
-            self.array if self.has_own_depth else dataclasses.replace(self.array, depth_m=state.cone.depth_m)
-        )
+        array = self.array_of(state.cone)
         imager = _imager(array, self.settings)
         grid = _grid(state.scene.anatomy, self.tissues, self.tissue_spacing_m)
         T_world_planes = self.plane_poses(state)
@@ -134,6 +135,14 @@ class UltrasoundSensor(Sensor):
         fan = imager.fan
         sweep = Sweep(np.stack(images), T_world_planes, fan.pixel_m, fan.left_m, fan.top_m, planes)
         return _reading(sweep, points_m, state)
+
+    def array_of(self, cone: Cone) -> ConvexArray:
+        """The array that draws, whose lines are as long as the cone unless it keeps its own depth.
+
+        Args:
+            cone: The scene's cone.
+        """
+        return self.array if self.has_own_depth else dataclasses.replace(self.array, depth_m=cone.depth_m)
 
     def plane_poses(self, state: SceneState) -> NDArray[np.float64]:
         """Where the planes of a sweep lie: the pose of the tip, rocked about its x, shape (n_planes, 4, 4)."""
@@ -185,7 +194,7 @@ def _grid(anatomy: Anatomy, choice: TissueChoice, spacing_m: float) -> LabelGrid
         anatomy,
         surroundings=tissue_named(choice.surroundings, field="surroundings_tissue"),
         organ=tissue_named(choice.organ, field="organ_tissue"),
-        tumour=tissue_named(choice.tumour, field="tumour_tissue"),
+        lesions=lesion_bodies(anatomy.tumours, choice.tumour),
         target=tissue_named(choice.target, field="target_tissue"),
         structures=[tissue_of_structure(each.name, given) for each in anatomy.structures],
         spacing_m=spacing_m,

@@ -7,17 +7,22 @@ import pytest
 import trimesh
 
 from sim.world.anatomy.structures import Structure
+from sim.world.sensing.errors.echogenicity import echogenicity_of
 from sim.world.sensing.ultrasound.label_grid import LabelGrid, cut_grid
-from sim.world.sensing.ultrasound.tissues import TISSUES, tissue_of_structure
+from sim.world.sensing.ultrasound.tissues import BY_LESION, TISSUES, lesion_bodies, tissue_of_structure
 from sim.world.sensing.ultrasound.tracing import incidence_cosine, label_at
 from sim.world.solids.solid import Solid
 
 ROLES = {
     "surroundings": TISSUES["fat"],
     "organ": TISSUES["liver"],
-    "tumour": TISSUES["hypoechoic"],
     "target": TISSUES["fluid"],
 }
+
+
+def cut(anatomy, structures=()) -> LabelGrid:
+    lesions = lesion_bodies(anatomy.tumours, "hypoechoic")
+    return cut_grid(anatomy, lesions=lesions, structures=structures, **ROLES)
 
 
 def names_at(grid: LabelGrid, points_m) -> list[str]:
@@ -27,7 +32,7 @@ def names_at(grid: LabelGrid, points_m) -> list[str]:
 
 @pytest.fixture(scope="module")
 def grid(ball_anatomy):
-    return cut_grid(ball_anatomy, structures=[], **ROLES)
+    return cut(ball_anatomy)
 
 
 def test_labels_are_those_of_the_solids_but_for_a_fraction_of_the_spacing(grid, ball_anatomy):
@@ -83,11 +88,8 @@ def test_a_vessel_lies_over_a_tumour_and_a_structure_without_a_tissue_below_it(b
         ("thing", "hypoechoic", "soft-tissue"),
     ):
         structure = bar(name)
-        grid = cut_grid(
-            dataclasses.replace(ball_anatomy, structures=(structure,)),
-            structures=[tissue_of_structure(name)],
-            **ROLES,
-        )
+        anatomy = dataclasses.replace(ball_anatomy, structures=(structure,))
+        grid = cut(anatomy, [tissue_of_structure(name)])
         assert names_at(grid, through[0]) == [in_tumour]
         assert names_at(grid, through[1]) == [in_organ]
 
@@ -95,10 +97,37 @@ def test_a_vessel_lies_over_a_tumour_and_a_structure_without_a_tissue_below_it(b
 def test_tumours_count_only_within_the_organ(ball_anatomy):
     mesh = trimesh.creation.icosphere(radius=0.01)
     mesh.apply_translation((0.5, 0.0, 0.12))
-    grid = cut_grid(
-        dataclasses.replace(ball_anatomy, tumours=(Solid.from_trimesh(mesh),)), structures=[], **ROLES
-    )
+    grid = cut(dataclasses.replace(ball_anatomy, tumours=(Solid.from_trimesh(mesh),)))
     assert names_at(grid, [[0.5, 0.0, 0.115], [0.5, 0.0, 0.125]]) == ["hypoechoic", "fat"]
+
+
+def lesions_that_look(ball, names) -> list[Solid]:
+    """Balls, each of another size until it looks as wanted; the look is drawn by the vertices."""
+    found = []
+    for name in names:
+        sizes = (Solid(ball.vertices_m * (1.0 + 1e-6 * n), ball.faces) for n in range(1000))
+        found.append(next(solid for solid in sizes if echogenicity_of(solid).name == name))
+    return found
+
+
+def test_each_lesion_may_have_the_look_that_belongs_to_it(ball_anatomy):
+    ball = ball_anatomy.tumours[0]
+    hypo, hyper, iso = lesions_that_look(ball, ("hypoechoic", "hyperechoic", "isoechoic"))
+    assert [tissue.name for _, tissue in lesion_bodies([hypo, hyper, iso], BY_LESION)] == [
+        "hypoechoic",
+        "hyperechoic",
+        "isoechoic",
+    ]
+    assert [tissue.name for _, tissue in lesion_bodies([hypo, hyper], "fluid")] == ["fluid", "fluid"]
+
+
+def test_a_lesion_of_both_kinds_has_a_bright_core_in_a_dark_rim(ball_anatomy):
+    (mixed,) = lesions_that_look(ball_anatomy.tumours[0], ("mixed",))
+    anatomy = dataclasses.replace(ball_anatomy, tumours=(mixed,))
+    grid = cut_grid(anatomy, lesions=lesion_bodies([mixed], BY_LESION), structures=[], **ROLES)
+    # The ball lies about 0.5, 0, 0.08 with a radius of 15 mm, its core of 9 mm.
+    places_m = [[0.5, 0.0, 0.08], [0.507, 0.0, 0.08], [0.512, 0.0, 0.08], [0.52, 0.0, 0.08]]
+    assert names_at(grid, places_m) == ["hyperechoic", "hyperechoic", "hypoechoic", "liver"]
 
 
 def test_an_open_surface_is_a_shell_and_fills_nothing(ball_anatomy):
@@ -108,9 +137,7 @@ def test_an_open_surface_is_a_shell_and_fills_nothing(ball_anatomy):
     tube = Structure(
         name="portal vein", solid=Solid(np.asarray(mesh.vertices), np.asarray(mesh.faces)[~caps])
     )
-    grid = cut_grid(
-        dataclasses.replace(ball_anatomy, structures=(tube,)), structures=[TISSUES["blood"]], **ROLES
-    )
+    grid = cut(dataclasses.replace(ball_anatomy, structures=(tube,)), [TISSUES["blood"]])
     assert names_at(grid, [[0.5, 0.0, 0.03], [0.5, 0.0, 0.10], [0.508, 0.0, 0.03]]) == [
         "liver",
         "liver",

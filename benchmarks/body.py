@@ -38,12 +38,14 @@ CASES: dict[str, dict[str, Any]] = {
     "offset": {"registration_mm": 5.0},
     "scatter": {"tracking_mm": 3.0},
     "breathing": {"breathing_mm": 8.0},
+    "pressed": {"tissue": "elastic", "press_n": 1.0},
     "together": {
         "registration_mm": 5.0, "registration_deg": 2.0, "tracking_mm": 1.0, "breathing_mm": 8.0, "gating": True,
+        "tissue": "elastic",
     },
 }  # fmt: skip
 """What is wrong with the plan in each case."""
-Case = Literal["ideal", "registration", "offset", "scatter", "breathing", "together"]
+Case = Literal["ideal", "registration", "offset", "scatter", "breathing", "pressed", "together"]
 EARLY = 10
 
 

@@ -13,6 +13,7 @@ from sim.episode.moving.motion import Phase
 from sim.world.body.settings import BodySettings
 from sim.world.frames import rigid_inverse
 from sim.world.solids.surface_distance import surface_distance_of
+from sim.world.tissue.settings import ElasticSettings
 
 OFF = {"registration_m": 0.008, "registration_rad": np.deg2rad(3.0)}
 
@@ -112,3 +113,45 @@ def test_the_same_seed_gives_the_same_body(sphere_setup) -> None:
         np.testing.assert_array_equal(one.reading.points_m, other.reading.points_m)
     noisy = BodySettings(tracking_m=0.003, **OFF)
     assert replace(noisy, tracking_m=0.0) == BodySettings(**OFF)
+
+
+def elastic(setup, *, registration="contacts", seed=0, press_n=0.5, **settings) -> Episode:
+    body = BodyOptions(
+        settings=BodySettings(**settings),
+        registration=registration,
+        tissue=ElasticSettings(),
+        press_n=press_n,
+    )
+    return Episode(setup, make_planner("random"), seed=seed, body=body)
+
+
+def test_a_probe_presses_with_its_force_and_goes_in(sphere_setup) -> None:
+    run, surface = elastic(sphere_setup), surface_distance_of(sphere_setup.organ)
+    for step in run.steps(3):
+        depth_m = run.body.indentation.depth_m
+        assert run.body.indentation.force_n == pytest.approx(0.5)
+        assert 0.001 < depth_m < 0.03
+        tip_m, beam = step.motion.tips_m[-1], sphere_setup.workspace.normals[step.pose_index]
+        assert abs(surface.signed_distance_m((tip_m - depth_m * beam)[None])[0]) < 2e-4
+
+
+def test_what_yields_is_told_where_it_lies_under_the_probe_and_taken_back(sphere_setup) -> None:
+    """The plan's frame has the points where they lie pressed; the belief, which knows no tumours, takes them back."""
+    pressed, released = (elastic(sphere_setup, registration=way, seed=4) for way in ("none", "contacts"))
+    rest = Episode(sphere_setup, make_planner("random"), seed=4)
+    runs = [list(run.steps(3)) for run in (rest, pressed, released)]
+    for still, deep, back in zip(*runs, strict=True):
+        np.testing.assert_array_equal(still.reading.is_occupied, deep.reading.is_occupied)
+        moved_m, left_m = (
+            np.linalg.norm(each.reading.points_m - still.reading.points_m, axis=1) for each in (deep, back)
+        )
+        most = np.argsort(moved_m)[-50:]
+        assert moved_m[most].mean() > 0.001
+        assert left_m[most].mean() < 0.3 * moved_m[most].mean()
+
+
+def test_a_force_beyond_what_the_tissue_bears_skips_the_pose_with_its_reason(sphere_setup) -> None:
+    run = elastic(sphere_setup, press_n=40.0)
+    assert list(run.steps(1)) == []
+    assert run.ended_by == "no_pose_left"
+    assert "does not yield" in next(iter(run.skipped.values())).reason

@@ -1,0 +1,114 @@
+"""Options of a body that is not where the plan says: what they become, what a run tells of it, what cannot be."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+
+import sounding
+from sim.errors import FieldError
+from sim.findings.account import read_account
+from sim.running.fields import config_of
+from sim.running.parts import check_config, make_parts
+
+FREE = {"scenario": "sphere", "arm": "none", "motion": "none", "planner": "random"}
+OFF = {"registration_mm": 8.0, "registration_deg": 3.0, "tracking_mm": 1.0}
+
+
+def test_an_organ_that_lies_as_planned_has_no_body() -> None:
+    parts = make_parts(config_of(FREE, breathing_s=3.0, gating=True, register="none", press_n=2.0))
+    assert parts.body is None
+
+
+def test_options_become_settings_in_si_units() -> None:
+    body = make_parts(config_of(FREE, **OFF, breathing_mm=10.0, gating=True, contact_search_mm=20.0)).body
+    assert body.settings.registration_m == pytest.approx(0.008)
+    assert body.settings.registration_rad == pytest.approx(math.radians(3.0))
+    assert body.settings.tracking_m == pytest.approx(0.001)
+    assert body.settings.breathing_m == pytest.approx(0.010)
+    assert body.settings.contact_search_m == pytest.approx(0.020)
+    assert body.settings.is_gated
+    assert body.tissue is None
+    elastic = make_parts(config_of(FREE, tissue="elastic", young_kpa=4.0)).body
+    assert elastic.tissue.youngs_modulus_pa == pytest.approx(4000.0)
+
+
+def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
+    exact, off, naive = (
+        make_parts(config_of(FREE | {"planner": "find-and-outline"} | options)).detail
+        for options in ({}, {"tracking_mm": 3.0}, {"tracking_mm": 3.0, "register": "none"})
+    )
+    assert off.variance < 0.05 * exact.variance
+    assert naive == exact
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"registration_mm": 200.0}, "registration_mm=.*from 0 to 100"),
+        ({"breathing_axis": (0.0, 0.0, 0.0), "breathing_mm": 5.0}, "breathing_axis=.*zero length"),
+        ({"breathing_s": 0.0}, "breathing_s=.*from 0.5 to 60"),
+        ({"press_n": 0.0}, "press_n=.*from 0.01 to 50"),
+        ({"young_kpa": 0.0}, "young_kpa=.*from 0.1"),
+        ({"arm": "default", "motion": "servo", "registration_mm": 5.0}, "motion=.*kinematic or none"),
+    ],
+)
+def test_what_cannot_be_is_told_before_anything_is_built(wrong, text) -> None:
+    with pytest.raises(FieldError, match=text):
+        check_config(config_of(FREE | wrong))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("body") / "run"
+    summary = sounding.run_episode(**FREE, **OFF, steps=6, out=str(folder), show_progress=False)
+    return folder, summary
+
+
+def test_a_run_tells_how_well_it_knows_where_the_organ_lies(run) -> None:
+    folder, summary = run
+    with (folder / "steps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[-1]["registration_error_m"]) == summary["registration_error_m"]
+    assert 0.0 < summary["registration_error_m"] < 0.03
+    assert summary["registration_deviation_m"] > 0.0
+    assert "auprc_own_frame" in summary
+    assert "does not lie as planned" in read_account(folder, summary).ended
+
+
+def test_the_belief_is_kept_with_the_way_to_the_patients_files(run) -> None:
+    folder, _ = run
+    body = json.loads((folder / "body.json").read_text())
+    config = json.loads((folder / "config.json").read_text())
+    T_world_rest = np.array(body["T_world_rest"])
+    planned = np.array(config["T_input_world"])
+    np.testing.assert_allclose(
+        np.array(body["T_input_world"]), planned @ np.linalg.inv(T_world_rest), atol=1e-12
+    )
+    assert np.array(body["covariance"]).shape == (9, 9)
+    assert np.linalg.norm(np.array(body["T_world_rest_true"])[:3, 3]) > 0.0
+
+
+def test_a_run_from_its_config_has_the_same_body(run, tmp_path) -> None:
+    folder, summary = run
+    again = sounding.run_episode(
+        config=folder / "config.json", out=str(tmp_path / "again"), show_progress=False
+    )
+    assert again["registration_error_m"] == summary["registration_error_m"]
+    assert again["auprc"] == summary["auprc"]
+
+
+def test_pictures_show_the_organ_where_it_is_and_leave_the_state_as_it_was(sphere_setup) -> None:
+    from sim.pictures.moved_anatomy import moved_anatomy
+
+    data = sphere_setup.scene.new_data()
+    organ = data.model.geom("organ").id
+    before_m, probe_m = data.geom_xpos[organ].copy(), data.site_xpos.copy()
+    T = np.eye(4)
+    T[:3, 3] = (0.01, 0.02, 0.03)
+    with moved_anatomy(data, T):
+        np.testing.assert_allclose(data.geom_xpos[organ] - before_m, T[:3, 3], atol=1e-12)
+    np.testing.assert_array_equal(data.geom_xpos[organ], before_m)
+    np.testing.assert_array_equal(data.site_xpos, probe_m)

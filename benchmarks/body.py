@@ -44,8 +44,9 @@ CASES: dict[str, dict[str, Any]] = {
         "tissue": "elastic",
     },
 }  # fmt: skip
+CASES["everything"] = CASES["together"] | {"sensor": "cone-with-errors", "reader": "published"}
 """What is wrong with the plan in each case."""
-Case = Literal["ideal", "registration", "offset", "scatter", "breathing", "pressed", "together"]
+Case = Literal["ideal", "registration", "offset", "scatter", "breathing", "pressed", "together", "everything"]
 EARLY = 10
 
 

@@ -270,6 +270,8 @@ class Episode:
         anew = None if self.body is None else self.body.laid_anew(self.readings)
         if anew is not None:
             self.readings, self.tumour_map = anew, self._new_map()
+            if self.target is not None:
+                self.target.lay_anew([reading.points_m for reading in anew], self._new_map())
         assert self.tumour_map is not None
         for each in anew or [labels]:
             teach(self.tumour_map, each)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +86,20 @@ class TargetBelief:
         if self.prediction is not None:
             auprc = average_precision(self.prediction.score, self.truth.is_target)
         return TargetScore(float((self.first_seen != NEVER).mean()), auprc)
+
+    def lay_anew(self, points_m: Sequence[NDArray[np.float64]], tumour_map: TumourMap | None) -> None:
+        """Begin again with all readings so far at other places, where the organ is believed to have moved.
+
+        Args:
+            points_m: The points of each reading [m], shapes (N, 3).
+            tumour_map: A map before anything is sensed, in place of the present one.
+        """
+        self.tumour_map = tumour_map
+        self.readings = [each.at(places_m) for each, places_m in zip(self.readings, points_m, strict=True)]
+        if tumour_map is not None:
+            for each in self.readings:
+                tumour_map.update(each.points_m, each.is_occupied)
+            self._predict()
 
     def metrics(self) -> MapMetrics | None:
         """The scores of the present map against the truth."""

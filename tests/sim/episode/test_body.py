@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from mapping import make_hilbert_map, teach
 from planner import make_planner
@@ -12,6 +13,7 @@ from sim.episode.episode import Episode
 from sim.episode.moving.motion import Phase
 from sim.world.body.settings import BodySettings
 from sim.world.frames import rigid_inverse
+from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import surface_distance_of
 from sim.world.tissue.settings import ElasticSettings
 
@@ -155,3 +157,16 @@ def test_a_force_beyond_what_the_tissue_bears_skips_the_pose_with_its_reason(sph
     assert list(run.steps(1)) == []
     assert run.ended_by == "no_pose_left"
     assert "does not yield" in next(iter(run.skipped.values())).reason
+
+
+def test_a_second_class_moves_with_the_organ(sphere_setup) -> None:
+    middle_m = sphere_setup.organ.bounds_m.mean(axis=0)
+    cyst = Solid.from_trimesh(
+        trimesh.creation.icosphere(subdivisions=2, radius=0.03).apply_translation(middle_m)
+    )
+    run = episode(replace(sphere_setup, given_targets=(cyst,), target_names=("cyst",)), **OFF)
+    for _ in run.steps(6):
+        pass
+    assert any(reading.is_occupied.any() for reading in run.target.readings)
+    for own, reading in zip(run.target.readings, run.readings, strict=True):
+        np.testing.assert_array_equal(own.points_m, reading.points_m)

@@ -6,19 +6,21 @@ A point q of the organ at rest lies, when the organ has a share s of a full brea
 
 with c the organ's middle, w a turn [rad], u a shift [m] and b the way of a full breath [m]. Before any contact, w, u
 and b are Gaussian about 0. The probe's tip met the surface where it was measured, at p_i; taken back to rest it lies
-on the surface of the plan but for a Gaussian error, so that with the signed distance d
+on the surface of the plan but for an error, so that with the signed distance d
 
-    0 = d(q_i) + e_i,   e_i ~ N(0, sigma^2),   q_i = c + Exp(-w) (p_i - u - s_i b - c).
+    0 = d(q_i) + e_i,   q_i = c + Exp(-w) (p_i - u - s_i b - c),
 
-The mean is the most likely move, found by Gauss-Newton over all contacts, and the covariance the inverse of the
-Hessian there, as in Laplace's approximation. Directions that no contact tells about, such as along a smooth surface,
-keep their prior's variance: the belief says so. A contact that is far off, because the probe slid or met something
-else, counts for less, by Student's t with 5 degrees of freedom (Lange, Little and Taylor, JASA 84(408), 1989).
+with an error e_i of the scale sigma that has Student's t distribution with 5 degrees of freedom. The mean is the most
+likely move, found by Gauss-Newton over all contacts with weights that fall with the error, and the covariance the
+inverse of that method's matrix there, in the place of the Hessian of Laplace's approximation. Directions that no
+contact tells about, such as along a smooth surface, keep their prior's variance: the belief says so. A contact that is
+far off, because the probe slid or met something else, counts for less (Lange, Little and Taylor, Robust statistical
+modeling using the t distribution, JASA 84(408), 1989).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +67,8 @@ class Contact:
     """How much of a full breath was in the organ, s."""
     noise_m: float = 0.0
     """Standard deviation of the measured place along each axis [m]."""
+    depth_noise_m: float = 0.0
+    """Standard deviation of how deep the tip had pressed, which was taken off [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,18 +107,26 @@ class RigidBelief:
 
     def observe(self, contact: Contact) -> None:
         """Learn from one more contact; the belief is that of all contacts so far."""
-        self.contacts.append(contact)
-        contacts = _Contacts(
+        self.relearn([*self.contacts, contact])
+
+    def relearn(self, contacts: Sequence[Contact]) -> None:
+        """Learn from contacts in the place of all so far, beginning where the belief is."""
+        self.contacts = list(contacts)
+        arrays = _Contacts(
             np.array([each.position_m for each in self.contacts]),
             np.array([each.inhaled_share for each in self.contacts]),
-            np.hypot(self._surface_m, [each.noise_m for each in self.contacts]),
+            np.array([self._sigma_m(each) for each in self.contacts]),
         )
         # What fits best from where the belief was, and from either side of it, where it might have got stuck.
         starts = [self.mean]
         if len(self.contacts) <= _MANY or len(self.contacts) % _MANY == 0:
             starts += [*(_SIDES * self._prior_deviation[3:6] @ np.eye(3, 9, 3))]
-        found = min((self._fitted(start, contacts) for start in starts), key=lambda each: each[0])
+        found = min((self._fitted(start, arrays) for start in starts), key=lambda each: each[0])
         _, self.mean, self.covariance = found
+
+    def _sigma_m(self, contact: Contact) -> float:
+        """The standard deviation of a contact's distance from the surface [m]."""
+        return float(np.linalg.norm([self._surface_m, contact.noise_m, contact.depth_noise_m]))
 
     def _fitted(self, start: Array, contacts: _Contacts) -> tuple[float, Array, Array]:
         """The most likely nine numbers next to a start: minus their log posterior, themselves, their covariance."""
@@ -175,7 +187,7 @@ class RigidBelief:
         T_world_rest = self.T_world_rest(contact.inhaled_share)
         tip_m = (contact.position_m - T_world_rest[:3, 3]) @ T_world_rest[:3, :3]
         distance_m, outward = self._surface(tip_m[None])
-        share = tip_m2 / (tip_m2 + self._surface_m**2)
+        share = tip_m2 / self._sigma_m(contact) ** 2
         across = np.outer(outward[0], outward[0])
         return -share * distance_m[0] * outward[0], tip_m2 * (np.eye(3) - share * across)
 

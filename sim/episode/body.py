@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -35,6 +35,24 @@ MOVED_M, MOVED_SHARE = 0.0005, 0.5
 by more than this share of how far such a corner is believed to be off."""
 SURE = 0.95
 """Probability of the ellipsoid in which the belief says that a tumour lies."""
+
+_ROUNDS = 3
+"""Most times that contacts are released again by the belief that they have changed."""
+DEPTH_SHARE = 0.1
+"""How far off the depth of a press is, as a standard deviation over the depth: the model of those who believe knows no
+tumours, and not quite where it is pressed."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Raw:
+    """A reading as it was measured."""
+
+    T_world_probe: NDArray[np.float64]
+    """Where the tip was measured, shape (4, 4)."""
+    points_m: NDArray[np.float64]
+    """Where its points were, world frame [m], shape (N, 3)."""
+    share: float
+    """How much of a full breath was in the organ."""
 
 
 class Body:
@@ -81,7 +99,8 @@ class Body:
         self._began_s = 0.0
         self.sensed_s = 0.0
         """Time at which the probe senses [s]."""
-        self._points_world_m: list[NDArray[np.float64]] = []
+        self._raw: list[_Raw] = []
+        self._contacts_by = np.eye(4)
         self._laid_by: list[NDArray[np.float64]] = []
 
     def followed_by(self, motion_model: MotionModel) -> MotionModel:
@@ -95,7 +114,8 @@ class Body:
         self, data: mujoco.MjData, T_planned: NDArray[np.float64], motion_s: float
     ) -> tuple[NDArray[np.float64] | str, float]:
         """Where the tip meets the organ when it is sent to where a pose is believed to lie; see `ContactMotion`."""
-        settings, arrived_s = self.options.settings, self.time_s + motion_s
+        settings = self.options.settings
+        self.time_s = arrived_s = self.time_s + motion_s
         wait_s = self.place.wait_s(arrived_s)
         self.sensed_s = arrived_s + wait_s
         T_sent = self.T_world_rest_believed(self.place.inhaled_share(self.sensed_s)) @ T_planned
@@ -112,7 +132,6 @@ class Body:
                 f"The probe met no organ from {self._above_m * 1e3:g} mm above to "
                 f"{settings.contact_search_m * 1e3:g} mm below where its surface was expected."
             )
-            self.time_s += motion_s
             return reason, 0.0
         T_contact = T_sent.copy()
         T_contact[:3, 3] += way_m * T_sent[:3, 2]
@@ -120,7 +139,6 @@ class Body:
             try:
                 self.indentation = self.yielding.press(T_rest_world @ T_contact)
             except TissueError as error:
-                self.time_s += motion_s
                 return f"The organ does not yield to the probe there: {error}.", 0.0
             T_contact[:3, 3] += self.indentation.depth_m * T_sent[:3, 2]
         return T_contact, wait_s
@@ -129,6 +147,11 @@ class Body:
     def T_world_rest(self) -> NDArray[np.float64]:
         """Where the organ is at the time of sensing, as the map from the rest frame to the world, shape (4, 4)."""
         return self.place.T_world_rest(self.sensed_s)
+
+    @property
+    def T_world_rest_at_exhale(self) -> NDArray[np.float64]:
+        """Where the organ is at exhale, likewise."""
+        return self.place.T_world_rest(0.5 * self.options.settings.breathing_s)
 
     @property
     def inhaled_share(self) -> float:
@@ -157,48 +180,63 @@ class Body:
         if self.indentation is not None:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
-        reading = replace(reading, T_world_probe=T_measured)
-        if self.belief is not None:
-            reading = self._released(reading, share)
-            noise_m = self.options.settings.tracking_m
-            self.belief.observe(Contact(reading.T_world_probe[:3, 3], share, noise_m))
-        self._points_world_m.append(reading.points_m)
+        self._raw.append(_Raw(T_measured, reading.points_m, share))
+        self._learn()
+        points_m, _, _ = self._released(self._raw[-1])
         T = self._T_rest_world(len(self._laid_by), share)
         self._laid_by.append(T)
-        return reading.moved(T)
+        return replace(reading, points_m=points_m, T_world_probe=T_measured).moved(T)
 
-    def _released(self, reading: Reading, share: float) -> Reading:
-        """A reading with tip and points where, by what is believed, they lay before the probe pressed."""
-        if self.yielding is None:
-            return reading
-        T_world_rest = self.T_world_rest_believed(share)
-        at_rest = reading.moved(rigid_inverse(T_world_rest))
-        points_m, depth_m = self.yielding.undone(at_rest.T_world_probe, at_rest.points_m)
-        T_rest_tip = at_rest.T_world_probe.copy()
-        T_rest_tip[:3, 3] -= depth_m * T_rest_tip[:3, 2]
-        return replace(at_rest, points_m=points_m, T_world_probe=T_rest_tip).moved(T_world_rest)
+    def _learn(self) -> None:
+        """Learn from the last contact; where the organ yields, how deep each had pressed follows from the belief."""
+        if self.belief is None:
+            return
+        self.belief.observe(self._contact(self._raw[-1]))
+        for _ in range(_ROUNDS if self.yielding is not None else 0):
+            before = self.T_world_rest_believed(0.0)
+            if self._moved_m(before - self._contacts_by) <= MOVED_M:
+                return
+            self._contacts_by = before
+            self.belief.relearn([self._contact(raw) for raw in self._raw])
+
+    def _contact(self, raw: _Raw) -> Contact:
+        """Where the tip first met the surface, by what is believed."""
+        _, tip_m, depth_m = self._released(raw)
+        tracking_m = self.options.settings.tracking_m
+        return Contact(tip_m, raw.share, tracking_m, DEPTH_SHARE * depth_m)
+
+    def _released(self, raw: _Raw) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Points and tip where, by what is believed, they lay before the probe pressed, world frame; and its depth."""
+        if self.yielding is None or self.belief is None:
+            return raw.points_m, raw.T_world_probe[:3, 3], 0.0
+        T = self.T_world_rest_believed(raw.share)
+        T_rest_world = rigid_inverse(T)
+        T_rest_tip = T_rest_world @ raw.T_world_probe
+        points_m = raw.points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3]
+        points_m, depth_m = self.yielding.undone(T_rest_tip, points_m)
+        tip_m = raw.T_world_probe[:3, 3] - depth_m * raw.T_world_probe[:3, 2]
+        return points_m @ T[:3, :3].T + T[:3, 3], tip_m, depth_m
 
     def laid_anew(self, readings: Sequence[LabelledPoints]) -> list[LabelledPoints] | None:
-        """All readings at where they are now believed to lie; None where that is where they lie already.
+        """All readings at where they are now believed to lie; None where that is near where they lie already.
 
         Args:
             readings: The readings so far, in their order.
         """
-        shares = [0.0] * len(readings)
-        if self.belief is not None:
-            shares = [contact.inhaled_share for contact in self.belief.contacts]
-        now = [self._T_rest_world(index, share) for index, share in enumerate(shares)]
-        moves = np.array(now) - np.array(self._laid_by)
-        moved_m = np.linalg.norm(
-            self._corners_m @ moves[:, :3, :3].transpose(0, 2, 1) + moves[:, None, :3, 3], axis=2
-        )
-        if moved_m.max() <= max(MOVED_M, MOVED_SHARE * self._deviation_m()):
+        now = [self._T_rest_world(index, raw.share) for index, raw in enumerate(self._raw)]
+        moved_m = max(self._moved_m(T - before) for T, before in zip(now, self._laid_by, strict=True))
+        if moved_m <= max(MOVED_M, MOVED_SHARE * self._deviation_m()):
             return None
         self._laid_by = now
         return [
-            reading.at(points_m @ T[:3, :3].T + T[:3, 3])
-            for reading, points_m, T in zip(readings, self._points_world_m, now, strict=True)
+            reading.at(self._released(raw)[0] @ T[:3, :3].T + T[:3, 3])
+            for reading, raw, T in zip(readings, self._raw, now, strict=True)
         ]
+
+    def _moved_m(self, difference: NDArray[np.float64]) -> float:
+        """How far some corner of the organ's box lies apart under two moves, of which this is the difference [m]."""
+        off_m = self._corners_m @ difference[:3, :3].T + difference[:3, 3]
+        return float(np.linalg.norm(off_m, axis=1).max())
 
     def _deviation_m(self) -> float:
         """How far the corners of the organ's box are believed to be off, a root mean square [m]."""
@@ -223,9 +261,7 @@ class Body:
 
     def score(self) -> BodyScore:
         """How well it is known where the organ lies."""
-        T_true = self.place.T_world_rest(0.5 * self.options.settings.breathing_s)
-        T_believed = self.T_world_rest_believed(0.0)
-        difference = T_believed - T_true
+        difference = self.T_world_rest_believed(0.0) - self.T_world_rest_at_exhale
         error_m = self._targets_m @ difference[:3, :3].T + difference[:3, 3]
         mean_m = float(np.linalg.norm(error_m, axis=1).mean())
         if self.belief is None:
@@ -235,18 +271,6 @@ class Body:
         spread_m = float(np.sqrt(np.trace(covariance_m2, axis1=1, axis2=2).mean()))
         return BodyScore(mean_m, spread_m, float((off <= chdtri(3, 1.0 - SURE)).mean()))
 
-    def own_frame_truth(self, anatomy: Anatomy) -> NDArray[np.bool_]:
-        """Which search points are tumour where everything is told in the frame in which the probe senses, shape (M,).
-
-        A map that lies wholly beside the plan, and is else right, is right there.
-
-        Args:
-            anatomy: The truth.
-        """
-        T_true = self.place.T_world_rest(0.5 * self.options.settings.breathing_s)
-        T = rigid_inverse(T_true) @ self.T_world_rest_believed(0.0)
-        return anatomy.is_tumour(self._setup.search_points_m @ T[:3, :3].T + T[:3, 3])
-
     def record(self) -> dict[str, Any]:
         """What is believed of the organ's place, and what is true, as plain data."""
         T_world_rest = self.T_world_rest_believed(0.0)
@@ -254,7 +278,7 @@ class Body:
         record: dict[str, Any] = {
             "T_world_rest": T_world_rest.tolist(),
             "T_input_world": T_input_world.tolist(),
-            "T_world_rest_true": self.place.T_world_rest(0.5 * self.options.settings.breathing_s).tolist(),
+            "T_world_rest_true": self.T_world_rest_at_exhale.tolist(),
         }
         if self.belief is not None:
             turn, shift, breath = self.belief.mean.reshape(3, 3).tolist()

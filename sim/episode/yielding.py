@@ -12,6 +12,7 @@ from sim.world.errors import TissueError
 from sim.world.motion.settings import FACE_M
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import surface_distance_of
+from sim.world.tissue.contact import MOST_STRAIN
 from sim.world.tissue.elastic_organ import build_elastic_organ
 from sim.world.tissue.indentation import Indentation
 from sim.world.tissue.settings import ElasticSettings
@@ -40,7 +41,7 @@ class YieldingOrgan:
             press_n: Force at which the probe stops [N].
 
         Raises:
-            TissueError: The organ cannot be modelled.
+            TissueError: The organ cannot be modelled, or the force is beyond what tissue bears.
         """
         self.press_n = press_n
         self._true = build_elastic_organ(setup.organ, tumours=tumours, tissue=tissue)
@@ -49,6 +50,12 @@ class YieldingOrgan:
         self._face_m = FACE_M
         if isinstance(setup.positioner, ArmPositioner):
             self._face_m = setup.positioner.search.clearance.probe.face_radius_m
+        most_n = MOST_STRAIN * 2.0 * np.pi * tissue.contact_modulus_pa * self._face_m**2
+        if press_n > most_n:
+            raise TissueError(
+                f"`press_n` of {press_n:g} N is beyond linear elasticity under a face of {self._face_m * 1e3:g} mm "
+                f"radius: press with at most {most_n:.2g} N, or make the tissue stiffer by `young_kpa`"
+            )
 
     def press(self, T_rest_tip: Array) -> Indentation:
         """How the organ truly yields where the probe presses.

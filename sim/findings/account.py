@@ -196,14 +196,12 @@ def _place(summary: Mapping[str, Any]) -> str:
     """How well it is known where the organ lies; empty where it lies as planned."""
     if (error_m := summary.get("registration_error_m")) is None:
         return ""
-    text = (
-        "The organ does not lie as planned. "
-        f"Its tumours are believed {error_m * 1e3:.1f} mm from where they lie"
-    )
+    off = f"{error_m * 1e3:.1f} mm from where they lie"
     if summary["registration_within_share"] is None:
-        text += ", since nothing was learnt of it"
+        text = f"The plan was believed, by which the tumours are {off}"
     else:
-        text += f", and the belief expects {summary['registration_deviation_m'] * 1e3:.1f} mm"
+        expected_mm = 1e3 * summary["registration_deviation_m"]
+        text = f"By the contacts the tumours are believed {off}, and the belief expects {expected_mm:.1f} mm"
     own = summary.get("auprc_own_frame")
     frames = (
         ""

@@ -12,6 +12,7 @@ from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
 from sim.episode.step import Step
 from sim.episode.target_belief import TargetBelief
+from sim.world.frames import rigid_inverse
 
 from .config import DEFAULT_PROBE
 from .parts import EpisodeParts
@@ -110,7 +111,9 @@ def _body_summary(episode: Episode, last: Step | None) -> dict[str, Any]:
         return {}
     figures: dict[str, Any] = dataclasses.asdict(last.body)
     if episode.prediction is not None and episode.truth.is_tumour.any():
-        truth = episode.body.own_frame_truth(episode.truth.anatomy)
+        # A map that lies wholly beside the plan, and is else right, is right in the frame in which the probe senses.
+        T = rigid_inverse(episode.body.T_world_rest_at_exhale) @ episode.body.T_world_rest_believed(0.0)
+        truth = episode.truth.anatomy.is_tumour(episode.setup.search_points_m @ T[:3, :3].T + T[:3, 3])
         figures["auprc_own_frame"] = average_precision(episode.prediction.score, truth)
     return figures
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sim.world.motion.settings import MotionSettings
 
 from ..positioner import Positioner
-from .motion import Motion, MotionModel, Phase, blocked, state_of
+from .motion import Motion, MotionModel, Phase, blocked, joint_travel_rad, state_of
 
 FindContact = Callable[[mujoco.MjData, NDArray[np.float64], float], tuple[NDArray[np.float64] | str, float]]
 """Where the tip that is sent to a planned pose (4, 4), at some time since the motion began [s], meets the organ, world
@@ -62,7 +62,7 @@ class ContactMotion(MotionModel):
         motion = self._with_station(motion, *self._left, Phase.DESCEND)
         if wait_s > 0.0:
             motion = self._with_station(motion, *self._left, Phase.HOLD, wait_s)
-        return motion
+        return replace(motion, joint_travel_rad=joint_travel_rad(data.model, motion.states))
 
     def _missed(self, motion: Motion, reason: str) -> Motion:
         """The motion to a pose where the probe met nothing, from which the next one begins."""

@@ -44,7 +44,7 @@ class BodyConfig:
     tissue: Tissue = "rigid"
     """Whether the organ yields under the probe: rigid or elastic."""
     press_n: float = 1.0
-    """Force at which the probe stops on elastic tissue [N]; more than about 4 is beyond linear elasticity."""
+    """Force at which the probe stops on elastic tissue [N]; tissue of 5 kPa bears 5 under the embedded probe."""
     young_kpa: float = 5.0
     """Young's modulus of elastic tissue [kPa]; healthy liver has 4 to 6."""
     tumour_young_kpa: float = 50.0
@@ -86,7 +86,8 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
         raise FieldError(
             "motion",
             motion,
-            "the servos' organ lies where it was planned. Choose kinematic or none with an organ that does not.",
+            "the servos' organ is rigid and lies where it was planned. Choose kinematic or none with the options of a "
+            "registration, a breath, a tracker or a tissue.",
         )
     return BodyOptions(
         settings=settings, registration=config.register, tissue=tissue, press_n=config.press_n, motion=speeds

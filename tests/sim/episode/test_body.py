@@ -12,6 +12,7 @@ from sim.episode.body_options import BodyOptions
 from sim.episode.episode import Episode
 from sim.episode.moving.motion import Phase
 from sim.world.body.settings import BodySettings
+from sim.world.errors import WorldError
 from sim.world.frames import rigid_inverse
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import surface_distance_of
@@ -152,15 +153,21 @@ def test_what_yields_is_told_where_it_lies_under_the_probe_and_taken_back(sphere
         assert left_m[most].mean() < 0.3 * moved_m[most].mean()
 
 
-def test_a_force_beyond_what_the_tissue_bears_skips_the_pose_with_its_reason(sphere_setup) -> None:
-    run = elastic(sphere_setup, press_n=40.0)
-    assert list(run.steps(1)) == []
-    assert run.ended_by == "no_pose_left"
-    assert "does not yield" in next(iter(run.skipped.values())).reason
+def test_a_force_beyond_what_tissue_bears_is_told_at_once(sphere_setup) -> None:
+    with pytest.raises(WorldError, match=r"`press_n` of 40 N.*press with at most 5\.\d N"):
+        elastic(sphere_setup, press_n=40.0)
+
+
+def test_contacts_are_released_again_where_the_belief_has_moved(sphere_setup) -> None:
+    """How deep the tip had pressed follows from where the organ lies, which is learnt from how deep it had pressed."""
+    run = elastic(sphere_setup, registration_m=0.008)
+    scores = [step.body for step in run.steps(25)]
+    assert scores[-1].registration_error_m < 0.004
+    assert scores[-1].registration_error_m < 2.5 * scores[-1].registration_deviation_m
 
 
 def test_a_second_class_moves_with_the_organ(sphere_setup) -> None:
-    middle_m = sphere_setup.organ.bounds_m.mean(axis=0)
+    middle_m = sphere_setup.search_points_m[sphere_setup.surface_distance_m.argmax()]
     cyst = Solid.from_trimesh(
         trimesh.creation.icosphere(subdivisions=2, radius=0.03).apply_translation(middle_m)
     )

@@ -75,7 +75,7 @@ def test_a_run_tells_how_well_it_knows_where_the_organ_lies(run) -> None:
     assert 0.0 < summary["registration_error_m"] < 0.03
     assert summary["registration_deviation_m"] > 0.0
     assert "auprc_own_frame" in summary
-    assert "does not lie as planned" in read_account(folder, summary).ended
+    assert "By the contacts the tumours are believed" in read_account(folder, summary).ended
 
 
 def test_the_belief_is_kept_with_the_way_to_the_patients_files(run) -> None:

@@ -23,7 +23,7 @@ from .settings import ElasticSettings
 Array = NDArray[np.float64]
 
 FACE_RADIUS_M = 0.004
-"""Radius of the default probe's face [m]."""
+"""Radius of a small face [m]; that of the embedded probe is twice as large."""
 BED_STIFFNESS_PER_M = 1e4
 """Stiffness of the bed per area over the organ's modulus [1/m]: a layer of the organ's own tissue 0.1 mm thick."""
 

@@ -80,6 +80,7 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
         contact_search_m=config.contact_search_mm * MM,
     )
     tissue = _tissue(config)
+    _check_used(config)
     if settings.is_as_planned and tissue is None:
         return None
     if motion == "servo":
@@ -111,3 +112,29 @@ def _tissue(config: BodyConfig) -> ElasticSettings | None:
     return ElasticSettings(
         youngs_modulus_pa=config.young_kpa * 1e3, tumour_youngs_modulus_pa=config.tumour_young_kpa * 1e3
     )
+
+
+_ONLY_WITH = {
+    "press_n": "tissue",
+    "young_kpa": "tissue",
+    "tumour_young_kpa": "tissue",
+    "breathing_s": "breathing_mm",
+    "breathing_axis": "breathing_mm",
+    "gating": "breathing_mm",
+}
+"""Options that mean nothing without another."""
+
+
+def _check_used(config: BodyConfig) -> None:
+    """Check that no option is given that means nothing.
+
+    Raises:
+        FieldError: One is; it is named, and so is what it lacks.
+    """
+    plain = BodyConfig()
+    for name, other in _ONLY_WITH.items():
+        if getattr(config, name) != getattr(plain, name) and getattr(config, other) == getattr(plain, other):
+            lacks = "`tissue` elastic" if other == "tissue" else f"`{other}` above 0"
+            raise FieldError(
+                name, getattr(config, name), f"means nothing without {lacks}; give both, or neither."
+            )

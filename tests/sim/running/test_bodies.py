@@ -18,7 +18,7 @@ OFF = {"registration_mm": 8.0, "registration_deg": 3.0, "tracking_mm": 1.0}
 
 
 def test_an_organ_that_lies_as_planned_has_no_body() -> None:
-    parts = make_parts(config_of(FREE, breathing_s=3.0, gating=True, register="none", press_n=2.0))
+    parts = make_parts(config_of(FREE, register="none", contact_search_mm=20.0))
     assert parts.body is None
 
 
@@ -49,8 +49,10 @@ def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
     [
         ({"registration_mm": 200.0}, "registration_mm=.*from 0 to 100"),
         ({"breathing_axis": (0.0, 0.0, 0.0), "breathing_mm": 5.0}, "breathing_axis=.*zero length"),
-        ({"breathing_s": 0.0}, "breathing_s=.*from 0.5 to 60"),
+        ({"breathing_s": 0.0, "breathing_mm": 5.0}, "breathing_s=.*from 0.5 to 60"),
         ({"press_n": 0.0}, "press_n=.*from 0.01 to 50"),
+        ({"press_n": 2.0}, "press_n=2.0.*means nothing without `tissue` elastic"),
+        ({"gating": True}, "gating=True.*means nothing without `breathing_mm` above 0"),
         ({"young_kpa": 0.0}, "young_kpa=.*from 0.1"),
         ({"arm": "default", "motion": "servo", "registration_mm": 5.0}, "motion=.*kinematic or none"),
     ],

@@ -29,8 +29,8 @@ INTRODUCTION = """# The leaderboard
 
 Scores of [Sounding-Bench](bench.md) with 95 % intervals over the seeds. `.venv/bin/python -m benchmarks.leaderboard`
 makes this page of the submissions in `benchmarks/submissions`, each of which `.venv/bin/sounding bench --verify`
-checks. Do not edit it. Scores of a quick tier are of one to six seeds: too few to rank by. They stand below those of the
-full tier."""
+checks. Do not edit it. Scores of a quick tier are of one to six seeds: too few to rank by. They stand below those of
+the full tier."""
 LIMIT_NOTE = (
     "The limit is the least mean of any policy on the task's scenario, adaptive or drawn by lot, and in brackets what "
     "it is at least with 95 % confidence ([bound.md](bound.md)). It is no bound on the mean of a few seeds."

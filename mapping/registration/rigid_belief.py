@@ -53,8 +53,7 @@ class RigidPrior:
     breath_m: float = 0.0
     """Of the way of a full breath b [m]; 0 of an organ that does not breathe."""
     surface_m: float = 0.0005
-    """Of a contact about the surface of the plan, beside the error of the tip's measured place [m]: sigma^2 is the sum
-    of both squares."""
+    """Of a contact about the surface of the plan [m]: sigma^2 is the sum of its square and those of the contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +80,10 @@ class _Contacts:
     """Shape (N,)."""
     noise_m: Array
     """Shape (N,)."""
+
+    def weight(self, distance_m: Array) -> Array:
+        """Precisions [1/m^2], shape (N,): Student's t as a Gaussian whose precision falls with the error."""
+        return (_FREEDOM + 1.0) / (_FREEDOM + (distance_m / self.noise_m) ** 2) / self.noise_m**2
 
 
 class RigidBelief:
@@ -134,11 +137,7 @@ class RigidBelief:
         prior_precision = np.diag(self._prior_deviation[free] ** -2.0)
         for _ in range(_MOST_STEPS):
             distance_m, J = self._residuals(mean, contacts)
-            # Student's t as a Gaussian whose precision falls with the error.
-            weight = (
-                (_FREEDOM + 1.0) / (_FREEDOM + (distance_m / contacts.noise_m) ** 2) / contacts.noise_m**2
-            )
-            J = J[:, free]
+            weight, J = contacts.weight(distance_m), J[:, free]
             precision = prior_precision + J.T @ (weight[:, None] * J)
             step = -np.linalg.solve(precision, J.T @ (weight * distance_m) + prior_precision @ mean[free])
             mean[free] += step
@@ -148,11 +147,8 @@ class RigidBelief:
         squares = (distance_m / contacts.noise_m) ** 2
         cost = 0.5 * (_FREEDOM + 1.0) * np.log1p(squares / _FREEDOM).sum()
         cost += 0.5 * mean[free] @ prior_precision @ mean[free]
-        weight = (_FREEDOM + 1.0) / (_FREEDOM + squares) / contacts.noise_m**2
-        covariance = np.zeros((9, 9))
-        covariance[np.ix_(free, free)] = np.linalg.inv(
-            prior_precision + J[:, free].T @ (weight[:, None] * J[:, free])
-        )
+        weight, J, covariance = contacts.weight(distance_m), J[:, free], np.zeros((9, 9))
+        covariance[np.ix_(free, free)] = np.linalg.inv(prior_precision + J.T @ (weight[:, None] * J))
         return float(cost), mean, covariance
 
     def T_world_rest(self, inhaled_share: float = 0.0) -> Array:
@@ -171,7 +167,7 @@ class RigidBelief:
         """By how much the tip of a contact was most likely measured off, to be added, and how sure that is.
 
         At the mean of the belief the contact lies d off the surface along its normal n. That is the expected sum of the
-        errors of the tip and of the surface, of which the tip's is sigma_tip^2 / (sigma_tip^2 + sigma_surface^2).
+        errors of tip, surface and depth, of which the tip's is sigma_tip^2 / sigma^2.
         Along the surface nothing is known.
 
         Args:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sim.world.motion.settings import MotionSettings
 
 from ..positioner import Positioner
-from .motion import Motion, MotionModel, Phase, blocked, joint_travel_rad, state_of
+from .motion import Motion, MotionModel, Phase, joint_travel_rad, state_of
 
 FindContact = Callable[[mujoco.MjData, NDArray[np.float64], float], tuple[NDArray[np.float64] | str, float]]
 """Where the tip that is sent to a planned pose (4, 4), at some time since the motion began [s], meets the organ, world
@@ -67,7 +67,7 @@ class ContactMotion(MotionModel):
     def _missed(self, motion: Motion, reason: str) -> Motion:
         """The motion to a pose where the probe met nothing, from which the next one begins."""
         self._left = None
-        return replace(motion, reason=reason) if len(motion.time_s) else blocked(reason)
+        return replace(motion, reason=reason)
 
     def _from_where_it_was(self, motion: Motion) -> Motion:
         """The inner motion, begun where the probe was shifted to last time."""
@@ -75,12 +75,14 @@ class ContactMotion(MotionModel):
             return motion
         state, tip_m = self._left
         way_s = self._seconds(tip_m, motion.tips_m[0])
+        if way_s == 0.0:
+            return motion
         return replace(
             motion,
-            time_s=np.concatenate([[0.0], motion.time_s + way_s]) if way_s > 0.0 else motion.time_s,
-            states=np.vstack([state, motion.states]) if way_s > 0.0 else motion.states,
-            tips_m=np.vstack([tip_m, motion.tips_m]) if way_s > 0.0 else motion.tips_m,
-            phases=np.append(np.int8(Phase.LIFT), motion.phases) if way_s > 0.0 else motion.phases,
+            time_s=np.concatenate([[0.0], motion.time_s + way_s]),
+            states=np.vstack([state, motion.states]),
+            tips_m=np.vstack([tip_m, motion.tips_m]),
+            phases=np.append(np.int8(Phase.LIFT), motion.phases),
         )
 
     def _with_station(

@@ -25,8 +25,10 @@ from sim.world.solids.surface_distance import surface_distance_of
 from sim.world.tissue.indentation import Indentation
 
 from .body_options import BodyOptions, BodyScore, expected_place
+from .moving.arm_motion import motion_on_body
 from .moving.contact_motion import ContactMotion
 from .moving.motion import MotionModel
+from .moving.organ_under_probe import Pressed
 from .setup import Setup
 from .yielding import YieldingOrgan
 
@@ -53,6 +55,7 @@ class _Raw:
     """Where its points were, world frame [m], shape (N, 3)."""
     share: float
     """How much of a full breath was in the organ."""
+    pressed: Pressed
 
 
 class Body:
@@ -94,6 +97,8 @@ class Body:
         if options.registration == "contacts":
             surface = surface_distance_of(setup.organ).signed_distance_and_outward
             self.belief = RigidBelief(surface, middle_m, options.prior or expected_place(options.settings))
+        self.pressed = Pressed()
+        """The force on the tip now, where it is simulated."""
         self.time_s = 0.0
         """Time of the procedure until now [s]."""
         self._began_s = 0.0
@@ -105,9 +110,9 @@ class Body:
 
     def followed_by(self, motion_model: MotionModel) -> MotionModel:
         """A motion model that brings the probe to where the organ is believed to lie, and down to contact."""
-        setup, settings = self._setup, self._motion
-        return ContactMotion(
-            motion_model, setup.positioner, setup.scene.tip_site, self.find_contact, settings
+        tip_site, positioner = self._setup.scene.tip_site, self._setup.positioner
+        return motion_on_body(motion_model, self) or ContactMotion(
+            motion_model, positioner, tip_site, self.find_contact, self._motion
         )
 
     def find_contact(
@@ -180,7 +185,7 @@ class Body:
         if self.indentation is not None:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
-        self._raw.append(_Raw(T_measured, reading.points_m, share))
+        self._raw.append(_Raw(T_measured, reading.points_m, share, self.pressed))
         self._learn()
         points_m, _, _ = self._released(self._raw[-1])
         T = self._T_rest_world(len(self._laid_by), share)
@@ -208,12 +213,13 @@ class Body:
     def _released(self, raw: _Raw) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Points and tip where, by what is believed, they lay before the probe pressed, world frame; and its depth."""
         if self.yielding is None or self.belief is None:
-            return raw.points_m, raw.T_world_probe[:3, 3], 0.0
+            touched_m = raw.T_world_probe[:3, 3] - raw.pressed.dent_m * raw.T_world_probe[:3, 2]
+            return raw.points_m, touched_m, 0.0
         T = self.T_world_rest_believed(raw.share)
         T_rest_world = rigid_inverse(T)
         T_rest_tip = T_rest_world @ raw.T_world_probe
         points_m = raw.points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3]
-        points_m, depth_m = self.yielding.undone(T_rest_tip, points_m)
+        points_m, depth_m = self.yielding.undone(T_rest_tip, points_m, raw.pressed.force_n)
         tip_m = raw.T_world_probe[:3, 3] - depth_m * raw.T_world_probe[:3, 2]
         return points_m @ T[:3, :3].T + T[:3, 3], tip_m, depth_m
 

@@ -57,20 +57,22 @@ class YieldingOrgan:
                 f"radius: press with at most {most_n:.2g} N, or make the tissue stiffer by `young_kpa`"
             )
 
-    def press(self, T_rest_tip: Array) -> Indentation:
+    def press(self, T_rest_tip: Array, force_n: float | None = None) -> Indentation:
         """How the organ truly yields where the probe presses.
 
         Args:
             T_rest_tip: Where the tip first touches, rest frame, shape (4, 4).
+            force_n: The force [N]; None for that at which the probe stops.
 
         Raises:
             TissueError: The probe stands too aslant, or presses deeper than linear elasticity goes.
         """
+        force_n = self.press_n if force_n is None else force_n
         return self._true.press(
-            T_rest_tip[:3, 3], T_rest_tip[:3, 2], force_n=self.press_n, face_radius_m=self._face_m
+            T_rest_tip[:3, 3], T_rest_tip[:3, 2], force_n=force_n, face_radius_m=self._face_m
         )
 
-    def undone(self, T_rest_tip: Array, points_m: Array) -> tuple[Array, float]:
+    def undone(self, T_rest_tip: Array, points_m: Array, force_n: float | None = None) -> tuple[Array, float]:
         """Where points lay before the probe pressed, as it is believed, and how deep the tip is believed to be.
 
         The tip first touched where its beam crosses the surface at rest, or nearer to where the organ's depth under the
@@ -79,19 +81,20 @@ class YieldingOrgan:
         Args:
             T_rest_tip: Where the tip that presses is believed to be, rest frame, shape (4, 4).
             points_m: Points that were read, likewise [m], shape (N, 3).
+            force_n: The force that was measured [N]; None for that at which the probe stops.
 
         Returns:
             Points [m], shape (N, 3), and the depth [m].
         """
-        beam = T_rest_tip[:3, 2]
+        beam, force_n = T_rest_tip[:3, 2], self.press_n if force_n is None else force_n
         try:
-            found = self._pressed(self._touched_m(T_rest_tip), beam)
+            found = self._pressed(self._touched_m(T_rest_tip), beam, force_n)
             with suppress(TissueError):
                 # The force tells the depth better than the surface, where the belief of the place is good.
-                found = self._pressed(T_rest_tip[:3, 3] - found.depth_m * beam, beam)
+                found = self._pressed(T_rest_tip[:3, 3] - found.depth_m * beam, beam, force_n)
             return found.rest_of(points_m), found.depth_m
         except TissueError:
-            return points_m, self.press_n / (2.0 * self._believed.tissue.contact_modulus_pa * self._face_m)
+            return points_m, force_n / (2.0 * self._believed.tissue.contact_modulus_pa * self._face_m)
 
     def _touched_m(self, T_rest_tip: Array) -> Array:
         """Where a tip that presses first touched: back along the beam, where the surface at rest is."""
@@ -100,5 +103,5 @@ class YieldingOrgan:
             touched_m += self._surface.signed_distance_m(touched_m[None])[0] * T_rest_tip[:3, 2]
         return touched_m
 
-    def _pressed(self, touched_m: Array, beam: Array) -> Indentation:
-        return self._believed.press(touched_m, beam, force_n=self.press_n, face_radius_m=self._face_m)
+    def _pressed(self, touched_m: Array, beam: Array, force_n: float) -> Indentation:
+        return self._believed.press(touched_m, beam, force_n=force_n, face_radius_m=self._face_m)

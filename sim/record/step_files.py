@@ -70,6 +70,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "tracking_error_m": step.motion.tracking_error_m,
         "tracking_error_rad": step.motion.tracking_error_rad,
         "contact_force_n": step.motion.contact_force_n,
+        **({} if step.motion.force_error_n is None else {"force_error_n": step.motion.force_error_n}),
         "peak_force_n": step.motion.peak_force_n,
         **{name: getattr(step, name) for name in ACTION_SECONDS},
         **({"confidence": episode.confidence()} if episode.planner.tells_confidence else {}),

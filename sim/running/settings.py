@@ -12,8 +12,9 @@ from sim.errors import FieldError, UsageError
 from sim.world.motion.settings import MotionSettings, ServoSettings
 
 from .case import MM
-from .config import EpisodeConfig, MapName
+from .config import EpisodeConfig, MapName, MovingConfig
 from .fields import value_of
+from .placing.body import DEFAULT_PRESS_N
 
 FIELD_OF = {
     "sure_radius_m": "sure_radius_mm",
@@ -115,13 +116,42 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
     Raises:
         UsageError: A value is out of range.
     """
-    own = config.moving
+    own, body = config.moving, config.body
+    is_elastic = body.tissue == "elastic"
+    press_n = None
+    if own.motion == "servo":
+        _check_pressed_once(config)
+        press_n = DEFAULT_PRESS_N if is_elastic and body.press_n is None else body.press_n
     try:
         return ServoSettings(
-            press_m=own.press_mm * MM, force_limit_n=own.force_limit_n, stiffness_n_m=own.stiffness_n_m
+            press_m=own.press_mm * MM,
+            press_n=press_n,
+            force_limit_n=own.force_limit_n,
+            stiffness_n_m=own.stiffness_n_m,
         )
     except ValueError as error:
         raise in_fields(config, error) from error
+
+
+def _check_pressed_once(config: EpisodeConfig) -> None:
+    """Check that no option of servos is given that another makes mean nothing.
+
+    Raises:
+        FieldError: One is; it is named, and so is the other.
+    """
+    is_elastic, plain = config.body.tissue == "elastic", MovingConfig()
+    if config.moving.press_mm != plain.press_mm and (is_elastic or config.body.press_n is not None):
+        raise FieldError(
+            "press_mm",
+            config.moving.press_mm,
+            "means nothing where the probe stops at a force (`press_n`); leave it out.",
+        )
+    if config.moving.stiffness_n_m is not None and is_elastic:
+        raise FieldError(
+            "stiffness_n_m",
+            config.moving.stiffness_n_m,
+            "means nothing with `tissue` elastic, whose stiffness follows from `young_kpa`; leave it out.",
+        )
 
 
 def _map_name(config: EpisodeConfig, planner: Planner) -> str:

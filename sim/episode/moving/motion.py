@@ -57,6 +57,8 @@ class Motion:
     """Angle between the beam and where it was sent, likewise."""
     contact_force_n: float | None = None
     """Force of the probe on the organ at the time of sensing; None where there is no contact model."""
+    force_error_n: float | None = None
+    """By how much that force is above the one that was wanted; None where the probe is sent to a depth."""
     peak_force_n: float | None = None
     """Largest contact force of the motion; None where there is no contact model."""
     reason: str = ""

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 Registration = Literal["contacts", "none"]
 Tissue = Literal["rigid", "elastic"]
+DEFAULT_PRESS_N = 1.0
+"""Force at which the probe stops on elastic tissue [N]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +45,9 @@ class BodyConfig:
     """How far below the expected surface the probe goes on to look for contact [mm]."""
     tissue: Tissue = "rigid"
     """Whether the organ yields under the probe: rigid or elastic."""
-    press_n: float = 1.0
-    """Force at which the probe stops on elastic tissue [N]; tissue of 5 kPa bears 5 under the embedded probe."""
+    press_n: float | None = None
+    """Force at which the probe stops on elastic tissue, and in servo motion [N]; by default 1 on elastic tissue, and in
+    servo motion `press_mm` counts. Tissue of 5 kPa bears 5 under the embedded probe."""
     young_kpa: float = 5.0
     """Young's modulus of elastic tissue [kPa]; healthy liver has 4 to 6."""
     tumour_young_kpa: float = 50.0
@@ -80,18 +83,12 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
         contact_search_m=config.contact_search_mm * MM,
     )
     tissue = _tissue(config)
-    _check_used(config)
+    _check_used(config, motion)
     if settings.is_as_planned and tissue is None:
         return None
-    if motion == "servo":
-        raise FieldError(
-            "motion",
-            motion,
-            "the servos' organ is rigid and lies where it was planned. Choose kinematic or none with the options of a "
-            "registration, a breath, a tracker or a tissue.",
-        )
+    press_n = DEFAULT_PRESS_N if config.press_n is None else config.press_n
     return BodyOptions(
-        settings=settings, registration=config.register, tissue=tissue, press_n=config.press_n, motion=speeds
+        settings=settings, registration=config.register, tissue=tissue, press_n=press_n, motion=speeds
     )
 
 
@@ -105,7 +102,8 @@ def _tissue(config: BodyConfig) -> ElasticSettings | None:
 
     ranges = (("press_n", 0.01, 50.0), ("young_kpa", 0.1, 1e5), ("tumour_young_kpa", 0.1, 1e5))
     for name, low, high in ranges:
-        if not low <= (value := getattr(config, name)) <= high:
+        value = getattr(config, name)
+        if value is not None and not low <= value <= high:
             raise FieldError(name, value, f"must be from {low:g} to {high:g}.")
     if config.tissue == "rigid":
         return None
@@ -125,7 +123,7 @@ _ONLY_WITH = {
 """Options that mean nothing without another."""
 
 
-def _check_used(config: BodyConfig) -> None:
+def _check_used(config: BodyConfig, motion: MotionKind) -> None:
     """Check that no option is given that means nothing.
 
     Raises:
@@ -133,8 +131,11 @@ def _check_used(config: BodyConfig) -> None:
     """
     plain = BodyConfig()
     for name, other in _ONLY_WITH.items():
+        if name == "press_n" and motion == "servo":
+            continue
         if getattr(config, name) != getattr(plain, name) and getattr(config, other) == getattr(plain, other):
             lacks = "`tissue` elastic" if other == "tissue" else f"`{other}` above 0"
+            lacks += " or `motion` servo" if name == "press_n" else ""
             raise FieldError(
                 name, getattr(config, name), f"means nothing without {lacks}; give both, or neither."
             )

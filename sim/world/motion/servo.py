@@ -7,7 +7,9 @@ tip along the normal of the true surface, by the exact distance to its triangles
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -44,6 +46,21 @@ class ServoRun:
     """Whether the force limit ended it; the arrays then end there."""
     is_unstable: bool
     """Whether the dynamics ran away; the arrays then end before, and there the arm stands still."""
+
+
+class TipContact(Protocol):
+    """What acts on the tip in place of the spring along the surface's normal."""
+
+    def force_along_beam_n(self, data: mujoco.MjData, tip: Array, beam: Array, tip_m_s: Array) -> float:
+        """The force on the tip against the beam [N].
+
+        Args:
+            data: A state whose kinematics are up to date.
+            tip: Where the tip is [m], shape (3,).
+            beam: The direction of the beam, shape (3,).
+            tip_m_s: The tip's velocity [m/s], shape (3,).
+        """
+        ...
 
 
 class ServoArm:
@@ -83,6 +100,8 @@ class ServoArm:
         self.data = scene.new_data()
         self._jacobian = np.zeros((3, model.nv))
         self._n_asleep = 0
+        self.tip_contact: TipContact | None = None
+        """What acts on the tip; None for the spring along the normal of the organ as planned."""
 
     @property
     def dt_s(self) -> float:
@@ -97,30 +116,44 @@ class ServoArm:
             speed: How fast, shape (T, n).
             record_every: Every so many steps is recorded, and the last one.
         """
-        q = np.hstack([q, np.tile(self._beside_q, (len(q), 1))])
-        speed = np.hstack([speed, np.zeros((len(q), len(self._beside_q)))])
+        return self.follow(zip(q, speed, strict=True), record_every=record_every)
+
+    def follow(self, commands: Iterable[tuple[Array, Array]], *, record_every: int) -> ServoRun:
+        """What the arm does that is sent one command a step, each made when the step before has been done.
+
+        Args:
+            commands: At least one: where the servos of the chain are sent, and how fast, shape (n,) each.
+            record_every: Every so many steps is recorded, and the last one.
+        """
         states, tips_m, forces_n, peak_n, is_stopped = [], [], [], 0.0, False
-        start_q, start_s, is_unstable = self.data.qpos.copy(), self.data.time, False
+        start_q, start_s, is_unstable, is_recorded = self.data.qpos.copy(), self.data.time, False, False
+        beside_q, beside_speed = self._beside_q, np.zeros(len(self._beside_q))
         with caught_warnings():
-            for index in range(len(q)):
-                force_n = self._step(q[index], speed[index])
+            for index, (q, speed) in enumerate(commands):
+                force_n = self._step(np.append(q, beside_q), np.append(speed, beside_speed))
                 # MuJoCo begins anew, at time 0, where accelerations are no longer numbers that it can work with.
                 is_unstable = self.data.time < start_s + (index + 0.5) * self.dt_s
                 if is_unstable:
                     self._stand_still(states[-1] if states else start_q)
                 peak_n = max(peak_n, force_n)
                 is_stopped = force_n > self._settings.force_limit_n
-                is_last = index == len(q) - 1 or is_stopped or is_unstable
-                if (index + 1) % record_every == 0 or is_last:
-                    mujoco.mj_fwdPosition(self.model, self.data)
-                    states.append(self.data.qpos.copy())
-                    tips_m.append(self.data.site_xpos[self._tip].copy())
-                    forces_n.append(self.contact()[0])
-                if is_last:
+                is_recorded = (index + 1) % record_every == 0
+                if is_recorded:
+                    self._record(states, tips_m, forces_n)
+                if is_stopped or is_unstable:
                     break
+            if not is_recorded:
+                self._record(states, tips_m, forces_n)
         return ServoRun(
             np.array(states), np.array(tips_m), np.array(forces_n), peak_n, is_stopped, is_unstable
         )
+
+    def _record(self, states: list[Array], tips_m: list[Array], forces_n: list[float]) -> None:
+        """Append the present state."""
+        mujoco.mj_fwdPosition(self.model, self.data)
+        states.append(self.data.qpos.copy())
+        tips_m.append(self.data.site_xpos[self._tip].copy())
+        forces_n.append(self.contact()[0])
 
     def _stand_still(self, q: Array) -> None:
         """Put the arm to joint positions of the scene, at rest."""
@@ -130,6 +163,8 @@ class ServoArm:
 
     def contact(self) -> tuple[float, NDArray[np.float64]]:
         """The force on the tip [N] and its direction, out of the organ, in the present state."""
+        if self.tip_contact is not None:
+            return self._along_beam(self.tip_contact)
         distance_m, outward = self._organ.signed_distance_and_normal(self.data.site_xpos[self._tip])
         depth_m = -distance_m
         if depth_m <= 0.0:
@@ -141,12 +176,22 @@ class ServoArm:
 
     def _force(self) -> tuple[float, Array]:
         """The contact force [N] and its direction; far from the organ it is not looked for in every step."""
+        if self.tip_contact is not None:
+            return self._along_beam(self.tip_contact)
         if self._n_asleep > 0:
             self._n_asleep -= 1
             return 0.0, np.zeros(3)
         clearance_m = self._organ.clearance_m(self.data.site_xpos[self._tip])
         self._n_asleep = int(clearance_m / (FASTEST_M_S * self.dt_s))
         return self.contact() if self._n_asleep == 0 else (0.0, np.zeros(3))
+
+    def _along_beam(self, tip_contact: TipContact) -> tuple[float, Array]:
+        """The force of a contact along the beam [N], and its direction."""
+        data, tip = self.data, self._tip
+        mujoco.mj_jacSite(self.model, data, self._jacobian, None, tip)
+        beam = data.site_xmat[tip].reshape(3, 3)[:, 2].copy()
+        force_n = tip_contact.force_along_beam_n(data, data.site_xpos[tip], beam, self._jacobian @ data.qvel)
+        return force_n, -beam
 
     def _step(self, q: Array, speed: Array) -> float:
         """The contact force that acted in one step of the dynamics [N]."""

@@ -7,12 +7,16 @@ from typing import Literal
 
 import numpy as np
 
+from sim.errors import FieldError
+
 MotionKind = Literal["none", "kinematic", "servo"]
 """How the probe gets from pose to pose: it jumps, follows a timed path exactly, or is moved by simulated servos."""
 
 LIVER_YOUNG_PA = 4100.0
 """Young's modulus of healthy liver, mean of 530 people by transient elastography (4.1 kPa, standard deviation 0.89):
 Fung et al., Defining normal liver stiffness range in a normal healthy Chinese population, PLoS ONE 8(12), 2013."""
+MOST_PRESS_M = 0.03
+"""Deeper than this no probe is sent into a spring [m]."""
 FACE_M = 0.008
 """Radius of the face of a probe that names none, as of the embedded one."""
 POISSON = 0.5
@@ -62,6 +66,9 @@ class ServoSettings:
     """Contact force at which the arm stops [N]."""
     press_m: float = 0.002
     """How far below the surface the tip is sent [m]: a probe that only touches presses nothing."""
+    press_n: float | None = None
+    """Contact force at which the probe stops [N], in place of that depth; None for the depth, or, where the organ is
+    not as planned, for the force that the spring has there."""
     settle_s: float = 0.4
     """The arm holds still this long before the reading is taken [s]."""
 
@@ -75,5 +82,39 @@ class ServoSettings:
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name}={value}: must be 0 or a positive, finite number.")
-        if not 0.0 <= self.press_m <= 0.03:
-            raise ValueError(f"press_m={self.press_m}: from 0 to 0.03 m.")
+        if not 0.0 <= self.press_m <= MOST_PRESS_M:
+            raise ValueError(f"press_m={self.press_m}: from 0 to {MOST_PRESS_M:g} m.")
+        if self.press_n is not None and not 0.0 < self.press_n < self.force_limit_n:
+            raise FieldError(
+                "press_n",
+                self.press_n,
+                f"must be above 0 and below the {self.force_limit_n:g} N of `force_limit_n`, at which the arm stops.",
+            )
+
+    def pressing_n(self, stiffness_n_m: float) -> float:
+        """The force to press with on a spring [N].
+
+        Args:
+            stiffness_n_m: The spring under the tip [N/m].
+
+        Raises:
+            FieldError: There is none, it is beyond the limit, or the spring gives way too far to it.
+        """
+        force_n = stiffness_n_m * self.press_m if self.press_n is None else self.press_n
+        if self.press_n is None and not 0.0 < force_n < self.force_limit_n:
+            raise FieldError(
+                "press_mm",
+                1e3 * self.press_m,
+                f"makes {force_n:.3g} N on a spring of {stiffness_n_m:.3g} N/m, and where the organ is not as planned "
+                f"the probe stops at a force, more than 0 and less than the {self.force_limit_n:g} N of "
+                "`force_limit_n`: name it (`press_n`).",
+            )
+        if force_n > stiffness_n_m * MOST_PRESS_M:
+            raise FieldError(
+                "press_n",
+                force_n,
+                f"presses a spring of {stiffness_n_m:.3g} N/m {1e3 * force_n / stiffness_n_m:.0f} mm in, and "
+                f"{1e3 * MOST_PRESS_M:g} mm are the most: press with at most {stiffness_n_m * MOST_PRESS_M:.2g} N, or "
+                "name a stiffer spring (`stiffness_n_m`).",
+            )
+        return force_n

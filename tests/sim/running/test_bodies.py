@@ -14,6 +14,7 @@ from sim.running.fields import config_of
 from sim.running.parts import check_config, make_parts
 
 FREE = {"scenario": "sphere", "arm": "none", "motion": "none", "planner": "random"}
+SERVO = {"arm": "default", "motion": "servo"}
 OFF = {"registration_mm": 8.0, "registration_deg": 3.0, "tracking_mm": 1.0}
 
 
@@ -35,6 +36,19 @@ def test_options_become_settings_in_si_units() -> None:
     assert elastic.tissue.youngs_modulus_pa == pytest.approx(4000.0)
 
 
+def test_a_force_is_pressed_with_where_servos_are_told_one() -> None:
+    def forces_n(**options):
+        parts = make_parts(config_of(FREE | options))
+        return parts.servo_settings.press_n, None if parts.body is None else parts.body.press_n
+
+    assert forces_n(**SERVO) == (None, None)
+    assert forces_n(**SERVO, press_n=0.5) == (0.5, None)
+    assert forces_n(**SERVO, registration_mm=5.0) == (None, 1.0)
+    assert forces_n(**SERVO, tissue="elastic") == (1.0, 1.0)
+    assert forces_n(**SERVO, tissue="elastic", press_n=0.5) == (0.5, 0.5)
+    assert forces_n(tissue="elastic", press_n=0.5) == (None, 0.5)
+
+
 def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
     exact, off, naive = (
         make_parts(config_of(FREE | {"planner": "find-and-outline"} | options)).detail
@@ -51,10 +65,15 @@ def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
         ({"breathing_axis": (0.0, 0.0, 0.0), "breathing_mm": 5.0}, "breathing_axis=.*zero length"),
         ({"breathing_s": 0.0, "breathing_mm": 5.0}, "breathing_s=.*from 0.5 to 60"),
         ({"press_n": 0.0}, "press_n=.*from 0.01 to 50"),
-        ({"press_n": 2.0}, "press_n=2.0.*means nothing without `tissue` elastic"),
+        ({"press_n": 2.0}, "press_n=2.0.*means nothing without `tissue` elastic or `motion` servo"),
         ({"gating": True}, "gating=True.*means nothing without `breathing_mm` above 0"),
         ({"young_kpa": 0.0}, "young_kpa=.*from 0.1"),
-        ({"arm": "default", "motion": "servo", "registration_mm": 5.0}, "motion=.*kinematic or none"),
+        (SERVO | {"press_n": 8.0}, "press_n=8.0.*below the 5 N of `force_limit_n`"),
+        (SERVO | {"press_n": 1.0, "press_mm": 4.0}, "press_mm=4.0.*stops at a force"),
+        (
+            SERVO | {"tissue": "elastic", "stiffness_n_m": 100.0},
+            "stiffness_n_m=100.0.*follows from `young_kpa`",
+        ),
     ],
 )
 def test_what_cannot_be_is_told_before_anything_is_built(wrong, text) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -28,9 +28,8 @@ from .body_options import BodyOptions, BodyScore, expected_place
 from .moving.arm_motion import motion_on_body
 from .moving.contact_motion import ContactMotion
 from .moving.motion import MotionModel
-from .moving.organ_under_probe import Pressed
 from .setup import Setup
-from .yielding import YieldingOrgan
+from .yielding import Pressed, RawReading, YieldingOrgan, face_radius_m
 
 MOVED_M, MOVED_SHARE = 0.0005, 0.5
 """The map is laid anew when what is believed has moved some corner of the organ's box by more than this since [m], and
@@ -43,19 +42,6 @@ _ROUNDS = 3
 DEPTH_SHARE = 0.1
 """How far off the depth of a press is, as a standard deviation over the depth: the model of those who believe knows no
 tumours, and not quite where it is pressed."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Raw:
-    """A reading as it was measured."""
-
-    T_world_probe: NDArray[np.float64]
-    """Where the tip was measured, shape (4, 4)."""
-    points_m: NDArray[np.float64]
-    """Where its points were, world frame [m], shape (N, 3)."""
-    share: float
-    """How much of a full breath was in the organ."""
-    pressed: Pressed
 
 
 class Body:
@@ -91,6 +77,8 @@ class Body:
         self.yielding: YieldingOrgan | None = None
         if options.tissue is not None:
             self.yielding = YieldingOrgan(setup, anatomy.tumours, options.tissue, options.press_n)
+        # A face that presses lies flat, and the force then tells how deep its middle is.
+        self._face_m = face_radius_m(setup) if self.yielding is None else 0.0
         self.indentation: Indentation | None = None
         """How the organ yields under the probe now; None where it does not."""
         self.belief: RigidBelief | None = None
@@ -104,7 +92,7 @@ class Body:
         self._began_s = 0.0
         self.sensed_s = 0.0
         """Time at which the probe senses [s]."""
-        self._raw: list[_Raw] = []
+        self._raw: list[RawReading] = []
         self._contacts_by = np.eye(4)
         self._laid_by: list[NDArray[np.float64]] = []
 
@@ -131,6 +119,7 @@ class Body:
             T_rest_world @ T_sent,
             above_m=self._above_m,
             search_m=settings.contact_search_m,
+            face_radius_m=self._face_m,
         )
         if way_m is None:
             reason = (
@@ -185,7 +174,7 @@ class Body:
         if self.indentation is not None:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
-        self._raw.append(_Raw(T_measured, reading.points_m, share, self.pressed))
+        self._raw.append(RawReading(T_measured, reading.points_m, share, self.pressed))
         self._learn()
         points_m, _, _ = self._released(self._raw[-1])
         T = self._T_rest_world(len(self._laid_by), share)
@@ -193,24 +182,30 @@ class Body:
         return replace(reading, points_m=points_m, T_world_probe=T_measured).moved(T)
 
     def _learn(self) -> None:
-        """Learn from the last contact; where the organ yields, how deep each had pressed follows from the belief."""
+        """Learn from the last contact; how deep each had pressed, or which point touched, follows from the belief."""
         if self.belief is None:
             return
         self.belief.observe(self._contact(self._raw[-1]))
-        for _ in range(_ROUNDS if self.yielding is not None else 0):
+        for _ in range(_ROUNDS):
             before = self.T_world_rest_believed(0.0)
             if self._moved_m(before - self._contacts_by) <= MOVED_M:
                 return
-            self._contacts_by = before
-            self.belief.relearn([self._contact(raw) for raw in self._raw])
+            self._contacts_by, told = before, [each.position_m for each in self.belief.contacts]
+            contacts = [self._contact(raw) for raw in self._raw]
+            if np.array_equal([each.position_m for each in contacts], told):
+                return
+            self.belief.relearn(contacts)
 
-    def _contact(self, raw: _Raw) -> Contact:
+    def _contact(self, raw: RawReading) -> Contact:
         """Where the tip first met the surface, by what is believed."""
         _, tip_m, depth_m = self._released(raw)
+        if raw.pressed.force_n is None and self._face_m > 0.0:
+            T, surface = self.T_world_rest_believed(raw.share), surface_distance_of(self._setup.organ)
+            tip_m = raw.touching_m(self._face_m, T, surface)
         tracking_m = self.options.settings.tracking_m
         return Contact(tip_m, raw.share, tracking_m, DEPTH_SHARE * depth_m)
 
-    def _released(self, raw: _Raw) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    def _released(self, raw: RawReading) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Points and tip where, by what is believed, they lay before the probe pressed, world frame; and its depth."""
         if self.yielding is None or self.belief is None:
             touched_m = raw.T_world_probe[:3, 3] - raw.pressed.dent_m * raw.T_world_probe[:3, 2]

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.world.body.contact import face_at_m
 from sim.world.errors import TissueError
 from sim.world.motion.settings import FACE_M
 from sim.world.solids.solid import Solid
-from sim.world.solids.surface_distance import surface_distance_of
+from sim.world.solids.surface_distance import SurfaceDistance, surface_distance_of
 from sim.world.tissue.contact import MOST_STRAIN
 from sim.world.tissue.elastic_organ import build_elastic_organ
 from sim.world.tissue.indentation import Indentation
@@ -24,6 +26,52 @@ Array = NDArray[np.float64]
 
 _STEPS_BACK = 20
 """Steps back along the beam to the surface, each as long as the distance from it."""
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """The force on the tip at the time of sensing."""
+
+    force_n: float | None = None
+    """[N]; None where it is not simulated."""
+    dent_m: float = 0.0
+    """How far a rigid organ's spring has given way to it [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RawReading:
+    """A reading as it was measured."""
+
+    T_world_probe: Array
+    """Where the tip was measured, shape (4, 4)."""
+    points_m: Array
+    """Where its points were, world frame [m], shape (N, 3)."""
+    share: float
+    """How much of a full breath was in the organ."""
+    pressed: Pressed
+    """The force on the tip, as far as it is measured."""
+
+    def touching_m(self, face_m: float, T_world_rest: Array, surface: SurfaceDistance) -> Array:
+        """The point of the face that touched, by what is believed: that nearest to the surface [m], shape (3,).
+
+        A face that comes down on a rigid organ until it touches is nowhere inside it. So at the true place the least of
+        its points' signed distances is 0, and the contact of that point with the surface is as good as any other.
+
+        Args:
+            face_m: Radius of the face [m].
+            T_world_rest: Where the organ is believed to lie, shape (4, 4).
+            surface: Distances to the surface of the organ at rest.
+        """
+        points_m = face_at_m(self.T_world_probe, face_m)
+        rest_m = (points_m - T_world_rest[:3, 3]) @ T_world_rest[:3, :3]
+        return points_m[np.argmin(surface.signed_distance_m(rest_m))]
+
+
+def face_radius_m(setup: Setup) -> float:
+    """Radius of the disc that is as large as the probe's face [m]."""
+    positioner = setup.positioner
+    is_arm = isinstance(positioner, ArmPositioner)
+    return positioner.search.clearance.probe.face_radius_m if is_arm else FACE_M
 
 
 class YieldingOrgan:
@@ -47,9 +95,7 @@ class YieldingOrgan:
         self._true = build_elastic_organ(setup.organ, tumours=tumours, tissue=tissue)
         self._believed = build_elastic_organ(setup.organ, tissue=tissue)
         self._surface = surface_distance_of(setup.organ)
-        self._face_m = FACE_M
-        if isinstance(setup.positioner, ArmPositioner):
-            self._face_m = setup.positioner.search.clearance.probe.face_radius_m
+        self._face_m = face_radius_m(setup)
         most_n = MOST_STRAIN * 2.0 * np.pi * tissue.contact_modulus_pa * self._face_m**2
         if press_n > most_n:
             raise TissueError(

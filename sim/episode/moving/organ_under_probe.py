@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -12,19 +11,9 @@ from sim.world.body.true_place import TruePlace
 from sim.world.motion.beam_contact import MovingOrgan
 from sim.world.tissue.indentation import Indentation
 
-from ..yielding import YieldingOrgan
+from ..yielding import Pressed, YieldingOrgan
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Pressed:
-    """The force on the tip at the time of sensing."""
-
-    force_n: float | None = None
-    """[N]; None where it is not simulated."""
-    dent_m: float = 0.0
-    """How far a rigid organ's spring has given way to it [m]."""
 
 
 class OrganUnderProbe(MovingOrgan, Protocol):

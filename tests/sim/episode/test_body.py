@@ -11,9 +11,11 @@ from planner import make_planner
 from sim.episode.body_options import BodyOptions
 from sim.episode.episode import Episode
 from sim.episode.moving.motion import Phase
+from sim.world.body.contact import face_at_m
 from sim.world.body.settings import BodySettings
 from sim.world.errors import WorldError
 from sim.world.frames import rigid_inverse
+from sim.world.motion.settings import FACE_M
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import surface_distance_of
 from sim.world.tissue.settings import ElasticSettings
@@ -29,9 +31,10 @@ def episode(setup, *, registration="contacts", planner="random", seed=0, **setti
 def test_the_probe_comes_down_to_where_the_organ_truly_is(sphere_setup) -> None:
     run, surface = episode(sphere_setup, **OFF), surface_distance_of(sphere_setup.organ)
     for step in run.steps(4):
-        T_true = run.body.place.T_world_rest(run.body.sensed_s)
-        tip_rest_m = rigid_inverse(T_true) @ np.append(step.motion.tips_m[-1], 1.0)
-        assert abs(surface.signed_distance_m(tip_rest_m[None, :3])[0]) < 1e-5
+        T_rest_world = rigid_inverse(run.body.place.T_world_rest(run.body.sensed_s))
+        face_m = face_at_m(T_rest_world @ run.body._planned.T_world_probe, FACE_M)
+        np.testing.assert_allclose(run.body._raw[-1].T_world_probe[:3, 3], step.motion.tips_m[-1], atol=1e-9)
+        assert abs(surface.signed_distance_m(face_m).min()) < 1e-4
 
 
 def test_labels_are_true_where_the_organ_truly_is(sphere_setup) -> None:
@@ -105,8 +108,11 @@ def test_an_arm_follows_the_organ(sphere_arm_setup) -> None:
     surface = surface_distance_of(sphere_arm_setup.organ)
     for step in run.steps(3):
         T_rest_world = rigid_inverse(run.body.place.T_world_rest(run.body.sensed_s))
-        tip_m = T_rest_world @ np.append(run.data.site(site).xpos, 1.0)
-        assert abs(surface.signed_distance_m(tip_m[None, :3])[0]) < 2e-4
+        T_world_tip = np.eye(4)
+        tip = run.data.site(site)
+        T_world_tip[:3, :3], T_world_tip[:3, 3] = tip.xmat.reshape(3, 3), tip.xpos
+        face_m = face_at_m(T_rest_world @ T_world_tip, FACE_M)
+        assert abs(surface.signed_distance_m(face_m).min()) < 2e-4
         assert np.all(np.diff(step.motion.time_s) > 0.0)
 
 

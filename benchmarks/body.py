@@ -1,7 +1,7 @@
 """What is left of the map when the organ is not where the plan says, with and without a belief about where it lies?
 
     .venv/bin/python -m benchmarks.body [--scenario liver] [--cases ideal registration ...] [--steps 30] [--seeds 8]
-        [--first 0] [--arm none] [--jobs 2]
+        [--first 0] [--arm none] [--motion kinematic] [--jobs 2]
 
 Each case but `ideal` runs twice on the same seeds: it believes the plan (`--register none`), or learns from contacts.
 The error is the mean distance between where the tumours are believed to lie and where they do: medians over the seeds
@@ -22,6 +22,7 @@ from tqdm import tqdm
 
 from sim.comparison.estimates import mean_estimate
 from sim.comparison.texts import interval_text
+from sim.episode.moving.motion import Motion
 from sim.episode.setup import Setup, build_setup
 from sim.findings.evidence import EpisodeWitness
 from sim.findings.findings import find
@@ -61,7 +62,10 @@ class Options:
     first: int = 0
     """First seed."""
     arm: str = "none"
-    """Arm that carries the probe; with one, it follows its timed path."""
+    """Arm that carries the probe."""
+    motion: Literal["kinematic", "servo"] = "kinematic"
+    """How an arm moves: along its timed path, or by servos that press with a force, of which the largest error at the
+    time of sensing is printed."""
     jobs: int = 2
 
 
@@ -78,8 +82,7 @@ def _parts(options: Options, case: Case, register: str, seed: int) -> EpisodePar
         "steps": options.steps,
         "seed": seed,
     }
-    if options.arm == "none":
-        run["motion"] = "none"
+    run["motion"] = "none" if options.arm == "none" else options.motion
     return make_parts(changed(EpisodeConfig(), register=register, **run, **CASES[case]))
 
 
@@ -103,8 +106,16 @@ def play(run: tuple[Case, str, int], *, options: Options) -> dict[str, Any]:
         "early_mm": 0.0 if early is None else 1e3 * early.registration_error_m,
         "late_mm": 0.0 if last is None else 1e3 * last.registration_error_m,
         "inside": None if early is None else early.registration_within_share,
+        "force_off": max((force_off(step.motion) for step in steps), default=0.0),
         "action_s": float(np.mean([step.plan_s + step.update_s + step.sense_s for step in steps])),
     }
+
+
+def force_off(motion: Motion) -> float:
+    """By what share of the force that was wanted the force is off; 0 where none was."""
+    if motion.force_error_n is None or motion.contact_force_n is None:
+        return 0.0
+    return abs(motion.force_error_n) / (motion.contact_force_n - motion.force_error_n)
 
 
 def row(case: Case, register: str, runs: list[dict[str, Any]], ideal_s: float) -> list[str]:
@@ -147,6 +158,8 @@ def main(options: Options) -> None:
             if case == "ideal":
                 ideal_s = float(np.mean([each["action_s"] for each in runs]))
             rows.append(row(case, register, runs, ideal_s))
+            if options.motion == "servo":
+                print(f"force off by at most {max(each['force_off'] for each in runs):.2%}")
             print(" | ".join(rows[-1]), flush=True)
     print(markdown_table(head, rows))
 

@@ -1,5 +1,7 @@
 """Motion between random poses of a scenario: how many straight transfers collide, and what paths in their place cost.
 
+Servos go through the poses twice: sent to a depth, and until they press with a force.
+
 .venv/bin/python -m benchmarks.motion --scenario liver --poses 100
 """
 
@@ -15,7 +17,7 @@ from sim.episode.moving.arm_motion import make_motion_model
 from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup, build_setup
 from sim.world.motion.path_check import PathCheck
-from sim.world.motion.settings import MotionKind
+from sim.world.motion.settings import MotionKind, ServoSettings
 from sim.world.scene.arm import ArmModel
 
 
@@ -24,6 +26,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="liver")
     parser.add_argument("--poses", type=int, default=100)
     parser.add_argument("--servo-poses", type=int, default=15)
+    parser.add_argument("--press-n", type=float, default=1.0)
     options = parser.parse_args()
     with threadpool_limits(limits=1):
         setup = build_setup(load_scenario(options.scenario), ArmModel(), MapSettings())
@@ -37,11 +40,12 @@ def main() -> None:
         print(f"{options.scenario}: {len(poses)} reached poses, straight transfers that collide: {n_hit}")
         for kind in ("none", "kinematic", "servo"):
             report(setup, kind, poses[: options.servo_poses] if kind == "servo" else poses)
+        report(setup, "servo", poses[: options.servo_poses], ServoSettings(press_n=options.press_n))
 
 
-def report(setup: Setup, kind: MotionKind, poses: list[int]) -> None:
+def report(setup: Setup, kind: MotionKind, poses: list[int], servo: ServoSettings | None = None) -> None:
     """Move through the poses, and print what it took."""
-    motion_model, data = make_motion_model(setup, kind), setup.scene.new_data()
+    motion_model, data = make_motion_model(setup, kind, servo=servo), setup.scene.new_data()
     took_s, motions = [], []
     for pose in poses:
         start_s = process_time()
@@ -49,8 +53,9 @@ def report(setup: Setup, kind: MotionKind, poses: list[int]) -> None:
         took_s.append(process_time() - start_s)
     median_ms, mean_ms, worst_ms = 1e3 * np.array([np.median(took_s), np.mean(took_s), max(took_s)])
     done = [motion for motion in motions if motion.is_done]
+    name = "press" if servo else kind
     print(
-        f"{kind:9}: {len(done)} of {len(poses)} done; CPU {median_ms:.0f} ms median, {mean_ms:.0f} mean, "
+        f"{name:9}: {len(done)} of {len(poses)} done; CPU {median_ms:.0f} ms median, {mean_ms:.0f} mean, "
         f"{worst_ms:.0f} worst; motion {np.mean([motion.motion_s for motion in done]):.2f} s mean"
     )
     if kind == "servo":
@@ -58,7 +63,7 @@ def report(setup: Setup, kind: MotionKind, poses: list[int]) -> None:
         forces_n = [motion.contact_force_n for motion in done]
         peak_n = max(motion.peak_force_n for motion in done)
         print(f"           tracking error at sensing at most {error_mm:.3f} mm;", end=" ")
-        print(f"force {min(forces_n):.2f} to {max(forces_n):.2f} N, peak {peak_n:.2f} N")
+        print(f"force {min(forces_n):.3f} to {max(forces_n):.3f} N, peak {peak_n:.2f} N")
 
 
 if __name__ == "__main__":

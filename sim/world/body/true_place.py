@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from sim.errors import FieldError
+
 from .breathing import inhaled_share, wait_for_rest_s
 from .settings import BodySettings
 
@@ -22,6 +24,9 @@ class TruePlace:
             settings: How far the true world is from the planned one.
             middle_m: The middle of the organ, about which it is turned, rest frame [m], shape (3,).
             rng: Draws direction and axis, in streams of their own.
+
+        Raises:
+            FieldError: The table's top, z = 0, which the organ was planned above, would be above its middle.
         """
         self.settings = settings
         way_rng, turn_rng = rng.spawn(2)
@@ -31,6 +36,28 @@ class TruePlace:
         self._T_world_rest[:3, 3] = middle_m - R @ middle_m + settings.registration_m * _direction(way_rng)
         axis = np.asarray(settings.breathing_axis, dtype=np.float64)
         self._inhaled_m = settings.breathing_m * axis / np.linalg.norm(axis)
+        self._check_above_table(middle_m)
+
+    def _check_above_table(self, middle_m: NDArray[np.float64]) -> None:
+        """Check that the organ is not put through the table.
+
+        Raises:
+            FieldError: Its middle is.
+        """
+        settings = self.settings
+        registered_m = float((self._T_world_rest[:3, :3] @ middle_m + self._T_world_rest[:3, 3])[2])
+        breathed_m = registered_m + min(float(self._inhaled_m[2]), 0.0)
+        if breathed_m >= 0.0 or middle_m[2] < 0.0:
+            return
+        name, value_m = "registration_mm", settings.registration_m
+        if registered_m >= 0.0:
+            name, value_m = "breathing_mm", settings.breathing_m
+        raise FieldError(
+            name,
+            float(f"{1e3 * value_m:.6g}"),
+            f"puts the organ through the table: its middle, planned {1e3 * middle_m[2]:.0f} mm above the table's top, "
+            f"comes to lie {-1e3 * breathed_m:.0f} mm below it. Move the organ by less, or choose another seed.",
+        )
 
     def T_world_rest(self, time_s: float) -> NDArray[np.float64]:
         """Maps the rest frame to where the organ truly is, shape (4, 4).

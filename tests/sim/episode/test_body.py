@@ -53,9 +53,11 @@ def test_labels_are_true_where_the_organ_truly_is(sphere_setup) -> None:
 
 def test_contacts_tell_where_the_organ_lies(sphere_setup) -> None:
     run = episode(sphere_setup, **OFF)
-    errors_m = [step.body.registration_error_m for step in run.steps(25)]
-    assert errors_m[-1] < 0.4 * errors_m[0]
-    assert errors_m[-1] < 0.002
+    scores = [step.body for step in run.steps(25)]
+    assert scores[-1].registration_error_m < 0.4 * scores[0].registration_error_m
+    # Turned about its middle, this organ nearly fits itself, and the belief says so.
+    assert scores[-1].registration_error_m < 0.003
+    assert scores[-1].registration_error_m < 2.5 * scores[-1].registration_deviation_m
 
 
 def test_a_map_that_is_laid_anew_is_that_of_all_readings_where_they_now_lie(sphere_setup) -> None:

@@ -1,5 +1,7 @@
 """The true place of an organ: as far off as it is said to be, and moved by breaths."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -73,3 +75,19 @@ def test_a_tip_is_measured_as_far_off_as_it_is_said_to_be() -> None:
 def test_what_cannot_be_is_an_error_that_names_it(wrong, name) -> None:
     with pytest.raises(FieldError, match=name):
         BodySettings(**wrong)
+
+
+def test_an_organ_that_is_put_through_the_table_is_told() -> None:
+    falls = {"breathing_m": 0.08, "breathing_axis": (0.0, 0.0, -1.0)}
+    with pytest.raises(FieldError, match=r"breathing_mm=80.*planned 50 mm above.*30 mm below"):
+        place(**falls)
+    heights_m = {}
+    for seed in range(12):
+        with suppress(FieldError):
+            heights_m[seed] = place(seed, registration_m=0.1).T_world_rest(0.0)[2, 3]
+    # Every second direction points down, and half of these by more than the 50 mm that the middle lies high.
+    assert 1 <= 12 - len(heights_m) <= 6
+    assert min(heights_m.values()) >= -0.05
+    through = next(seed for seed in range(12) if seed not in heights_m)
+    with pytest.raises(FieldError, match="registration_mm=100"):
+        place(through, registration_m=0.1)

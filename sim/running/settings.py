@@ -117,13 +117,12 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
         UsageError: A value is out of range.
     """
     own, body = config.moving, config.body
-    is_elastic = body.tissue == "elastic"
-    press_n = None
+    is_elastic, press_n = body.tissue == "elastic", None
     if own.motion == "servo":
         _check_pressed_once(config)
         press_n = DEFAULT_PRESS_N if is_elastic and body.press_n is None else body.press_n
     try:
-        return ServoSettings(
+        settings = ServoSettings(
             press_m=own.press_mm * MM,
             press_n=press_n,
             force_limit_n=own.force_limit_n,
@@ -131,6 +130,8 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
         )
     except ValueError as error:
         raise in_fields(config, error) from error
+    # Elastic tissue has the force of its own, which no spring has to bear.
+    return dataclasses.replace(settings, press_n=None) if is_elastic else settings
 
 
 def _check_pressed_once(config: EpisodeConfig) -> None:

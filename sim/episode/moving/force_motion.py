@@ -67,12 +67,13 @@ class ForceMotion(ServoMotion):
             servos: Has the arm, its paths and its settings.
             organ: Tells what the probe meets, and is told how that went.
         """
+        assert servos.travel is not None
         super().__init__(
             servos._positioner,
             servos._paths,
             servos._timer,
             servos._settings,
-            servos.estimate,
+            servos.travel,
             arm=servos._arm,
             servo=servos.servo,
         )
@@ -205,22 +206,15 @@ class ForceMotion(ServoMotion):
 
     def _moved(self, data: mujoco.MjData, descent: _Descent) -> Motion:
         """Simulate a motion, to the end of which the state is brought."""
-        every, dt_s = max(1, round(RECORD_DT_S / self._arm.dt_s)), self._arm.dt_s
+        every = max(1, round(RECORD_DT_S / self._arm.dt_s))
         run = self._arm.follow(self._sent(descent), record_every=every)
-        plan, n_steps = descent.plan, descent.n_steps
-        n_way = int(np.ceil(plan_s(plan) / dt_s))
-        rows = np.unique(np.append(np.arange(every - 1, n_steps, every), n_steps - 1))
-        time_s = dt_s * (rows + 1.0) + np.where(rows >= n_way, descent.wait_s, 0.0)
-        phases = np.where(rows >= descent.n_down, int(Phase.HOLD), int(Phase.DESCEND)).astype(np.int8)
-        if plan is not None:
-            on_way = rows < n_way
-            at = np.minimum(np.searchsorted(plan.time_s, time_s[on_way]), len(plan.time_s) - 1)
-            phases[on_way] = plan.phases[at]
         data.qpos[:] = run.states[-1]
         mujoco.mj_fwdPosition(data.model, data)
-        line, goal_n = descent.control.line, self._organ.force_n
+        control, goal_n = descent.control, self._organ.force_n
         ends_q = np.stack([run.states[-1][self._chain.columns], descent.sent_q])
-        arrival = Arrival.of(self._chain.forward(ends_q), press_m=descent.control.along_m - line.start_m)
+        went_m = control.along_m - control.line.start_m
+        arrival = Arrival.of(self._chain.forward(ends_q), press_m=went_m)
+        time_s, phases = self._recorded(descent, every)
         motion = Motion(
             time_s=time_s,
             states=run.states,
@@ -232,8 +226,21 @@ class ForceMotion(ServoMotion):
             contact_force_n=float(run.force_n[-1]),
             force_error_n=float(run.force_n[-1]) - goal_n,
             peak_force_n=run.peak_force_n,
-            reason="" if run.is_stopped else descent.control.reason or self._reason(run, arrival),
+            reason="" if run.is_stopped else control.reason or self._reason(run, arrival),
         )
         if run.is_stopped:
             raise ProcedureStoppedError(self._why_stopped(run), motion)
         return motion
+
+    def _recorded(self, descent: _Descent, every: int) -> tuple[Array, NDArray[np.int8]]:
+        """Times [s] and phases of the states that were recorded, every so many steps and the last one."""
+        plan, n_steps, dt_s = descent.plan, descent.n_steps, self._arm.dt_s
+        n_way = int(np.ceil(plan_s(plan) / dt_s))
+        rows = np.unique(np.append(np.arange(every - 1, n_steps, every), n_steps - 1))
+        time_s = dt_s * (rows + 1.0) + np.where(rows >= n_way, descent.wait_s, 0.0)
+        phases = np.where(rows >= descent.n_down, int(Phase.HOLD), int(Phase.DESCEND)).astype(np.int8)
+        if plan is not None:
+            is_on_way = rows < n_way
+            at = np.minimum(np.searchsorted(plan.time_s, time_s[is_on_way]), len(plan.time_s) - 1)
+            phases[is_on_way] = plan.phases[at]
+        return time_s, phases

@@ -65,7 +65,7 @@ class PathMotion(MotionModel):
     ) -> None:
         """Move what `positioner` carries, from its home on."""
         self._positioner, self._paths, self._timer, self._settings = positioner, paths, timer, settings
-        self.travel = self.estimate = travel
+        self.travel = travel
         self._chain = positioner.search.chain
         self._lines: dict[int, Trajectory] = {}
         self._last: int | None = None

@@ -44,8 +44,8 @@ def test_a_force_is_pressed_with_where_servos_are_told_one() -> None:
     assert forces_n(**SERVO) == (None, None)
     assert forces_n(**SERVO, press_n=0.5) == (0.5, None)
     assert forces_n(**SERVO, registration_mm=5.0) == (None, 1.0)
-    assert forces_n(**SERVO, tissue="elastic") == (1.0, 1.0)
-    assert forces_n(**SERVO, tissue="elastic", press_n=0.5) == (0.5, 0.5)
+    assert forces_n(**SERVO, tissue="elastic") == (None, 1.0)
+    assert forces_n(**SERVO, tissue="elastic", press_n=4.0) == (None, 4.0)
     assert forces_n(tissue="elastic", press_n=0.5) == (None, 0.5)
 
 
@@ -68,6 +68,7 @@ def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
         ({"press_n": 2.0}, "press_n=2.0.*means nothing without `tissue` elastic or `motion` servo"),
         ({"gating": True}, "gating=True.*means nothing without `breathing_mm` above 0"),
         ({"young_kpa": 0.0}, "young_kpa=.*from 0.1"),
+        (SERVO | {"tissue": "elastic", "press_n": 8.0}, "press_n=8.0.*below the 5 N of `force_limit_n`"),
         (SERVO | {"press_n": 8.0}, "press_n=8.0.*below the 5 N of `force_limit_n`"),
         (SERVO | {"press_n": 1.0, "press_mm": 4.0}, "press_mm=4.0.*stops at a force"),
         (

@@ -29,8 +29,8 @@ ACCELERATION_M_S2, PRESS_ACCELERATION_M_S2 = 0.5, 5.0
 """Of the place on the line: before the organ is met, and after."""
 SLOWEST_M_S = 0.001
 """So fast the search for contact ends, at least [m/s]."""
-TIME_CONSTANT_S = 0.012
-"""tau, half of what position servos with a bandwidth of 60 rad/s would follow at the most."""
+TIME_CONSTANT_S = 0.02
+"""tau: at 12 ms the force of some postures of the embedded arm keeps swinging by a hundredth."""
 REACHED_SHARE = 0.02
 """The force is reached within this share of it, and from then on it is held."""
 MOST_PRESSING_S = 5.0

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
@@ -14,11 +13,8 @@ from scipy.special import chdtri
 from mapping import LabelledPoints
 from mapping.registration import Contact, RigidBelief
 from sim.world.anatomy.anatomy import Anatomy
-from sim.world.body.contact import way_to_contact_m
 from sim.world.body.true_place import TruePlace, measured
-from sim.world.errors import TissueError
 from sim.world.frames import rigid_inverse
-from sim.world.ik.settings import IkSettings
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 from sim.world.solids.surface_distance import surface_distance_of
@@ -26,7 +22,8 @@ from sim.world.tissue.indentation import Indentation
 
 from .body_options import BodyOptions, BodyScore, expected_place
 from .moving.contact_motion import ContactMotion
-from .moving.motion import MotionModel
+from .moving.encounter import Encounter
+from .moving.motion import Motion, MotionModel
 from .setup import Setup
 from .yielding import RawReading, YieldingOrgan
 
@@ -79,7 +76,7 @@ class Body:
         place_rng, self._tip_rng = rng.spawn(2)
         self.place = TruePlace(options.settings, middle_m, place_rng)
         self._setup, self._motion = setup, options.motion
-        self._planned, self._above_m = state, IkSettings().standoff_m
+        self._planned = state
         self._targets_m = anatomy.tumour_middles_m if anatomy.tumours else middle_m[None]
         self._corners_m = np.array(
             [[setup.organ.bounds_m[i, axis] for axis, i in enumerate(c)] for c in np.ndindex(2, 2, 2)]
@@ -87,17 +84,13 @@ class Body:
         self.yielding: YieldingOrgan | None = None
         if options.tissue is not None:
             self.yielding = YieldingOrgan(setup, anatomy.tumours, options.tissue, options.press_n)
-        self.indentation: Indentation | None = None
-        """How the organ yields under the probe now; None where it does not."""
         self.belief: RigidBelief | None = None
         if options.registration == "contacts":
             surface = surface_distance_of(setup.organ).signed_distance_and_outward
             self.belief = RigidBelief(surface, middle_m, options.prior or expected_place(options.settings))
-        self.time_s = 0.0
-        """Time of the procedure until now [s]."""
-        self._began_s = 0.0
-        self.sensed_s = 0.0
-        """Time at which the probe senses [s]."""
+        self.encounter = Encounter(
+            self.place, state, self.T_world_rest_believed, self.yielding, options.motion.approach_speed_m_s
+        )
         self._raw: list[RawReading] = []
         self._contacts_by = np.eye(4)
         # What took each reading back to rest when it was last laid, and when it was laid into a new map.
@@ -108,46 +101,23 @@ class Body:
         """A motion model that brings the probe to where the organ is believed to lie, and down to contact."""
         setup, settings = self._setup, self._motion
         return ContactMotion(
-            motion_model, setup.positioner, setup.scene.tip_site, self.find_contact, settings
+            motion_model, setup.positioner, setup.scene.tip_site, self.encounter.find_contact, settings
         )
 
-    def find_contact(
-        self, data: mujoco.MjData, T_planned: NDArray[np.float64], motion_s: float
-    ) -> tuple[NDArray[np.float64] | str, float]:
-        """Where the tip meets the organ when it is sent to where a pose is believed to lie; see `ContactMotion`."""
-        settings = self.options.settings
-        self.time_s = arrived_s = self.time_s + motion_s
-        wait_s = self.place.wait_s(arrived_s)
-        self.sensed_s = arrived_s + wait_s
-        T_sent = self.T_world_rest_believed(self.place.inhaled_share(self.sensed_s)) @ T_planned
-        T_rest_world = rigid_inverse(self.place.T_world_rest(self.sensed_s))
-        way_m = way_to_contact_m(
-            self._planned.rays,
-            data,
-            T_rest_world @ T_sent,
-            above_m=self._above_m,
-            search_m=settings.contact_search_m,
-        )
-        if way_m is None:
-            reason = (
-                f"The probe met no organ from {self._above_m * 1e3:g} mm above to "
-                f"{settings.contact_search_m * 1e3:g} mm below where its surface was expected."
-            )
-            return reason, 0.0
-        T_contact = T_sent.copy()
-        T_contact[:3, 3] += way_m * T_sent[:3, 2]
-        if self.yielding is not None:
-            try:
-                self.indentation = self.yielding.press(T_rest_world @ T_contact)
-            except TissueError as error:
-                return f"The organ does not yield to the probe there: {error}.", 0.0
-            T_contact[:3, 3] += self.indentation.depth_m * T_sent[:3, 2]
-        return T_contact, wait_s
+    @property
+    def sensed_s(self) -> float:
+        """Time at which the probe senses [s]."""
+        return self.encounter.sensed_s
+
+    @property
+    def indentation(self) -> Indentation | None:
+        """How the organ yields under the probe now; None where it does not."""
+        return self.encounter.indentation
 
     @property
     def T_world_rest(self) -> NDArray[np.float64]:
         """Where the organ is at the time of sensing, as the map from the rest frame to the world, shape (4, 4)."""
-        return self.place.T_world_rest(self.sensed_s)
+        return self.encounter.T_world_rest
 
     @property
     def T_world_rest_at_exhale(self) -> NDArray[np.float64]:
@@ -156,17 +126,12 @@ class Body:
 
     @property
     def inhaled_share(self) -> float:
-        """How much of a full breath is in it then."""
+        """How much of a full breath is in it at the time of sensing."""
         return self.place.inhaled_share(self.sensed_s)
 
     def state(self) -> SceneState:
         """The scene with the organ where it is at the time of sensing, before the probe presses."""
-        T_rest_world = rigid_inverse(self.T_world_rest)
-        if self.indentation is None:
-            return self._planned.seen_from(T_rest_world)
-        T_rest_tip = T_rest_world @ self._planned.T_world_probe
-        T_rest_world[:3, 3] -= self.indentation.depth_m * T_rest_tip[:3, 2]
-        return self._planned.seen_from(T_rest_world)
+        return self.encounter.state()
 
     def read(self, sensor: Sensor, rng: np.random.Generator) -> Reading:
         """The reading of the probe where it is now, taken back to rest by what is believed.
@@ -259,8 +224,7 @@ class Body:
         Args:
             procedure_s: How long it took, with the ways to poses that were missed [s].
         """
-        self._began_s += procedure_s
-        self.time_s = self._began_s
+        self.encounter.end_action(procedure_s)
         return self.score()
 
     def score(self) -> BodyScore:
@@ -289,6 +253,17 @@ class Body:
             record |= {"turn_rad": turn, "shift_m": shift, "breath_m": breath}
             record |= {"covariance": self.belief.covariance.tolist()}
         return record
+
+    def record_of(self, motion: Motion) -> dict[str, NDArray[np.float64]]:
+        """Where the organ truly was during the last motion, and where the tip was in it at its end, as arrays.
+
+        Args:
+            motion: The last motion.
+        """
+        return {
+            "T_world_rest": self.encounter.places_during(motion),
+            "T_rest_probe": self.state().T_world_probe,
+        }
 
     def _T_rest_world(self) -> list[NDArray[np.float64]]:
         """What takes each reading back to rest by what is believed, shapes (4, 4)."""

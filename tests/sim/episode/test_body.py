@@ -137,9 +137,13 @@ def test_small_moves_of_the_belief_leave_the_coarse_map_and_large_ones_do_not(sp
     run = Episode(sphere_setup, make_planner("random"), seed=2, detail=DetailSettings(), body=body)
     for _ in run.steps(3):
         pass
-    belief, coarse, before = run.body.belief, run.tumour_map.coarse, run.readings
+    belief, way_m = run.body.belief, np.array([0.0, 0.0, -0.0012])
     belief.covariance = belief.covariance * 1e-9
-    way_m = np.array([0.0, 0.0, -0.0012])
+    # There and back, so that all lies where it is believed.
+    for much_m in (-0.005, 0.005):
+        belief.mean[5] += much_m
+        run._learn(run.readings[-1])
+    coarse, before = run.tumour_map.coarse, run.readings
     for n_moves, is_new in ((1, False), (2, True), (3, False)):
         belief.mean[3:6] -= way_m
         run._learn(run.readings[-1])

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from sim.report.arm_parts import arm_parts, body_poses, body_ways
 from sim.running.fields import config_of
 from sim.running.parts import check_config, make_parts
 from sim.viewing.replay import replay_table
+from sim.viewing.video import VideoSettings, _pictures
 from sim.world.frames import quaternion_matrix
 from sim.world.solids.surface_distance import surface_distance_of
 
@@ -150,6 +152,18 @@ def test_a_replay_measures_from_where_the_poses_truly_lay(run) -> None:
     poses_m = recording.sensed_m @ T[:3, :3].T + T[:3, 3]
     tips_m = np.array([motion.tips_m[-1] for motion in recording.motions.values()])
     np.testing.assert_allclose(told_mm, 1e3 * np.linalg.norm(tips_m - poses_m, axis=1), atol=0.001)
+
+
+def test_a_video_draws_the_organ_where_it_truly_was(run) -> None:
+    """The same states with the organ as planned give another picture, and the same picture twice."""
+    recording = read_recording(run[0])
+    settings, n = VideoSettings(width_px=320, height_px=240), 1
+    true, planned = (
+        next(_pictures(each, settings, n)).astype(int) for each in (recording, replace(recording, places={}))
+    )
+    assert (np.abs(true - planned).max(axis=2) > 40).mean() > 0.002
+    still = next(_pictures(replace(recording, places={}), settings, n))
+    np.testing.assert_array_equal(still, planned)
 
 
 def test_a_run_from_its_config_has_the_same_body(run, tmp_path) -> None:

@@ -110,17 +110,16 @@ class RigidBelief:
 
     def observe(self, contact: Contact) -> None:
         """Learn from one more contact; the belief is that of all contacts so far."""
-        self.contacts = [*self.contacts, contact]
+        self.relearn([*self.contacts, contact])
+
+    def relearn(self, contacts: Sequence[Contact]) -> None:
+        """Learn from contacts in the place of all so far, beginning where the belief is."""
+        self.contacts = list(contacts)
         # What fits best from where the belief was, and from either side of it, where it might have got stuck.
         starts = [self.mean]
         if len(self.contacts) <= _MANY or len(self.contacts) % _MANY == 0:
             starts += [*(_SIDES * self._prior_deviation[3:6] @ np.eye(3, 9, 3))]
         self._fit(np.array(starts))
-
-    def relearn(self, contacts: Sequence[Contact]) -> None:
-        """Learn from contacts in the place of all so far, each of which has hardly moved, from where the belief is."""
-        self.contacts = list(contacts)
-        self._fit(self.mean[None])
 
     def _sigma_m(self, contact: Contact) -> float:
         """The standard deviation of a contact's distance from the surface [m]."""

@@ -24,7 +24,7 @@ from .settings import DetailSettings, MapSettings
 from .trust.error_rates import ErrorRates
 from .trust.label_trust import LabelTrust
 from .trust.settings import TrustSettings
-from .trust.teaching import teach
+from .trust.teaching import laid_anew, teach
 from .trust.votes import votes
 from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
@@ -49,6 +49,7 @@ __all__ = [
     "dice",
     "evaluate_map",
     "expected_calibration_error",
+    "laid_anew",
     "load_map",
     "log_loss",
     "make_hilbert_map",

@@ -9,7 +9,7 @@ coarse map answers.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
@@ -89,6 +89,20 @@ class DetailedMap:
         labels = np.array(is_occupied, dtype=bool)
         self._learn(LabelledPoints(check_points(points_m).copy(), labels, said, counted))
         return report
+
+    def lay_labels(self, readings: Sequence[LabelledPoints]) -> None:
+        """Has the readings so far lie elsewhere near tumour, and takes in those that come after them.
+
+        The coarse map keeps those that it has where they were, so their moves have to be small beside the spacing of
+        its hinges. Into a map without readings all are laid as `update` would lay them one after the other.
+
+        Args:
+            readings: The same readings, in their order, at other places, and then the new ones.
+        """
+        for each in readings[len(self._readings) :]:
+            self.coarse.update(each.points_m, each.is_occupied, log_odds=each.log_odds, weight=each.weight)
+        self._readings = list(readings)
+        self._detail.learn_anew(self._readings)
 
     def revise(self, n_sweeps: int = 1) -> float:
         """Fits every reading again as `HilbertMap.revise` does; the detail never depends on their order."""

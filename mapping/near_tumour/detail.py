@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,16 +47,20 @@ class Detail:
             map_settings: Gives the rates of false labels.
             settings: How places near tumour are answered for.
         """
-        n = len(places_m)
         self._places_m, self._settings = places_m, settings
         self._rates = (map_settings.false_positive_rate, map_settings.false_negative_rate)
+        self._place_tree: KDTree | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begins without readings."""
+        n, settings = len(self._places_m), self._settings
         self._memory = LabelMemory(
             cube_m=settings.cube_m,
             range_m=2.0 * settings.reach_m,
             false_positive_rate=self._rates[0],
             stray_m=settings.stray_m,
         )
-        self._place_tree: KDTree | None = None
         self._is_near = np.zeros(n, dtype=bool)
         self._is_stale = np.zeros(n, dtype=bool)
         self._last_neighbour_m = np.full(n, np.inf)
@@ -68,21 +73,22 @@ class Detail:
         """Takes in a reading."""
         kept, tumour_m, entered_m = self._memory.add(reading)
         self._note_distances(kept)
-        if len(tumour_m):
-            reached = self._within(tumour_m, self._settings.reach_m)[0]
-            self._is_stale[reached[~self._is_near[reached]]] = True
-            self._is_near[reached] = True
-            if self._place_tree is None:
-                self._place_tree = KDTree(self._places_m)
-            # A label that may err with all about it makes no finding by itself.
-            if reading.weight is None:
-                self._is_hit[self._place_tree.query(tumour_m)[1]] = True
+        # A label that may err with all about it makes no finding by itself.
+        self._note_tumour(tumour_m, tumour_m if reading.weight is None else tumour_m[:0])
         is_answered = self._is_near & ~self._is_stale
         if len(entered_m) and is_answered.any():
             farthest_m = float(self._last_neighbour_m[is_answered].max())
             places, gap_m = self._within(entered_m, farthest_m)
             is_changed = is_answered[places] & (gap_m < self._last_neighbour_m[places])
             self._is_stale[places[is_changed]] = True
+
+    def learn_anew(self, readings: Sequence[LabelledPoints]) -> None:
+        """Takes in readings in place of all so far: what `learn` makes of them one after the other, in less time."""
+        self._forget()
+        self._memory.add_all(readings)
+        self._note_distances(LabelledPoints(self._memory.points_m, self._memory.is_tumour))
+        found_m = [each.believed_tumour_m(self._rates[0]) for each in readings if each.weight is None]
+        self._note_tumour(self._memory.tumour_m, np.concatenate([np.empty((0, 3)), *found_m]))
 
     def answers(self) -> LocalAnswers:
         """What the labels near the places say of them."""
@@ -103,6 +109,18 @@ class Detail:
         if len(self._memory.tumour_m):
             other._is_stale[other._within(self._memory.tumour_m, self._settings.reach_m)[0]] = True
         return other.answers()
+
+    def _note_tumour(self, tumour_m: NDArray[np.float64], finding_m: NDArray[np.float64]) -> None:
+        """Notes labels of tumour that can be believed [m], shape (T, 3), and those of them that make findings."""
+        if not len(tumour_m):
+            return
+        reached = self._within(tumour_m, self._settings.reach_m)[0]
+        self._is_stale[reached[~self._is_near[reached]]] = True
+        self._is_near[reached] = True
+        if self._place_tree is None:
+            self._place_tree = KDTree(self._places_m)
+        if len(finding_m):
+            self._is_hit[self._place_tree.query(finding_m)[1]] = True
 
     def _note_distances(self, reading: LabelledPoints) -> None:
         """Notes which labels are nearer to a place than all before."""

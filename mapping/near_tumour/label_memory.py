@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -57,19 +59,9 @@ class LabelMemory:
             What was kept of it, its labels of tumour that can be believed [m], shape (T, 3), and the points [m] that
             have come into play, of this reading or of an earlier one, shape (P, 3).
         """
-        new = self._thinned(heeding_outline(reading, self._stray_m) if self._stray_m > 0.0 else reading)
-        tumour_m = reading.believed_tumour_m(self._rate)
-        self.points_m = np.concatenate([self.points_m, new.points_m])
-        self.is_tumour = np.concatenate([self.is_tumour, new.is_occupied])
-        said = np.full(len(new.points_m), np.nan) if new.log_odds is None else new.log_odds
-        self.log_odds = np.concatenate([self.log_odds, said])
-        counted = np.ones(len(said)) if new.weight is None else new.weight
-        self.weight = np.concatenate([self.weight, counted])
-        self.reading = np.concatenate([self.reading, np.full(len(said), self._n_readings)])
-        self._n_readings += 1
-        self.tumour_m = np.concatenate([self.tumour_m, tumour_m])
-        before = np.concatenate([self.is_in_play, np.zeros(len(new.points_m), dtype=bool)])
-        self.is_in_play = before.copy()
+        before = self.is_in_play
+        new, tumour_m = self._kept([reading])
+        before = np.concatenate([before, np.zeros(len(new.points_m), dtype=bool)])
         if len(self.tumour_m):
             is_new = np.arange(len(self.points_m)) >= len(self.points_m) - len(new.points_m)
             self._bring_in(np.flatnonzero(is_new), self.tumour_m)
@@ -78,6 +70,38 @@ class LabelMemory:
         if entered.any():
             self._tree = None
         return new, tumour_m, self.points_m[entered]
+
+    def add_all(self, readings: Sequence[LabelledPoints]) -> None:
+        """Takes in readings at once, before any other: what is kept is what `add` keeps of one after the other."""
+        self._kept(readings)
+        self._bring_in(np.arange(len(self.points_m)), self.tumour_m)
+        self._tree = None
+
+    def _kept(self, readings: Sequence[LabelledPoints]) -> tuple[LabelledPoints, NDArray[np.float64]]:
+        """Keeps what is to be kept of readings, none of it in play yet.
+
+        Returns:
+            What was kept of the last one, and its labels of tumour that can be believed [m], shape (T, 3).
+        """
+        columns: list[tuple[NDArray, ...]] = [
+            (self.points_m, self.is_tumour, self.log_odds, self.weight, self.reading, self.tumour_m)
+        ]
+        new, tumour_m = LabelledPoints(np.empty((0, 3)), np.empty(0, dtype=bool)), np.empty((0, 3))
+        for reading in readings:
+            new = self._thinned(heeding_outline(reading, self._stray_m) if self._stray_m > 0.0 else reading)
+            tumour_m = reading.believed_tumour_m(self._rate)
+            said = np.full(len(new.points_m), np.nan) if new.log_odds is None else new.log_odds
+            counted = np.ones(len(said)) if new.weight is None else new.weight
+            of_reading = np.full(len(said), self._n_readings)
+            columns.append((new.points_m, new.is_occupied, said, counted, of_reading, tumour_m))
+            self._n_readings += 1
+        n_before = len(self.points_m)
+        self.points_m, self.is_tumour, self.log_odds, self.weight, self.reading, self.tumour_m = (
+            np.concatenate(each) for each in zip(*columns, strict=True)
+        )
+        is_later = np.zeros(len(self.points_m) - n_before, dtype=bool)
+        self.is_in_play = np.concatenate([self.is_in_play, is_later])
+        return new, tumour_m
 
     def neighbours(
         self, points_m: NDArray[np.float64], n: int

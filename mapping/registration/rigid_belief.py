@@ -82,7 +82,7 @@ class _Contacts:
     """Shape (N,)."""
 
     def weight(self, distance_m: Array) -> Array:
-        """Precisions [1/m^2], shape (N,): Student's t as a Gaussian whose precision falls with the error."""
+        """Precisions [1/m^2], shape (..., N): Student's t as a Gaussian whose precision falls with the error."""
         return (_FREEDOM + 1.0) / (_FREEDOM + (distance_m / self.noise_m) ** 2) / self.noise_m**2
 
 
@@ -115,41 +115,50 @@ class RigidBelief:
     def relearn(self, contacts: Sequence[Contact]) -> None:
         """Learn from contacts in the place of all so far, beginning where the belief is."""
         self.contacts = list(contacts)
-        arrays = _Contacts(
-            np.array([each.position_m for each in self.contacts]),
-            np.array([each.inhaled_share for each in self.contacts]),
-            np.array([self._sigma_m(each) for each in self.contacts]),
-        )
         # What fits best from where the belief was, and from either side of it, where it might have got stuck.
         starts = [self.mean]
         if len(self.contacts) <= _MANY or len(self.contacts) % _MANY == 0:
             starts += [*(_SIDES * self._prior_deviation[3:6] @ np.eye(3, 9, 3))]
-        found = min((self._fitted(start, arrays) for start in starts), key=lambda each: each[0])
-        _, self.mean, self.covariance = found
+        self._fit(np.array(starts))
 
     def _sigma_m(self, contact: Contact) -> float:
         """The standard deviation of a contact's distance from the surface [m]."""
         return float(np.linalg.norm([self._surface_m, contact.noise_m, contact.depth_noise_m]))
 
-    def _fitted(self, start: Array, contacts: _Contacts) -> tuple[float, Array, Array]:
-        """The most likely nine numbers next to a start: minus their log posterior, themselves, their covariance."""
-        mean, free = start.copy(), self._is_free
+    def _fit(self, starts: Array) -> None:
+        """Set the mean to the most likely nine numbers next to any of some starts, shape (S, 9)."""
+        contacts, means = self._arrays(), starts.copy()
+        free = np.flatnonzero(self._is_free)
         prior_precision = np.diag(self._prior_deviation[free] ** -2.0)
+        # All starts go on together: the surface is asked once a step, which costs little more for many points.
+        moving = np.arange(len(means))
         for _ in range(_MOST_STEPS):
-            distance_m, J = self._residuals(mean, contacts)
-            weight, J = contacts.weight(distance_m), J[:, free]
-            precision = prior_precision + J.T @ (weight[:, None] * J)
-            step = -np.linalg.solve(precision, J.T @ (weight * distance_m) + prior_precision @ mean[free])
-            mean[free] += step
-            if np.abs(step).max() < _STILL:
+            distance_m, J = self._residuals(means[moving], contacts)
+            weight, J = contacts.weight(distance_m)[:, :, None], J[:, :, free]
+            precision = prior_precision + J.transpose(0, 2, 1) @ (weight * J)
+            slope = (J * weight * distance_m[:, :, None]).sum(axis=1) + means[moving][
+                :, free
+            ] @ prior_precision
+            step = -np.linalg.solve(precision, slope[:, :, None])[:, :, 0]
+            means[np.ix_(moving, free)] += step
+            moving = moving[np.abs(step).max(axis=1) >= _STILL]
+            if not moving.size:
                 break
-        distance_m, J = self._residuals(mean, contacts)
+        distance_m, J = self._residuals(means, contacts)
         squares = (distance_m / contacts.noise_m) ** 2
-        cost = 0.5 * (_FREEDOM + 1.0) * np.log1p(squares / _FREEDOM).sum()
-        cost += 0.5 * mean[free] @ prior_precision @ mean[free]
-        weight, J, covariance = contacts.weight(distance_m), J[:, free], np.zeros((9, 9))
-        covariance[np.ix_(free, free)] = np.linalg.inv(prior_precision + J.T @ (weight[:, None] * J))
-        return float(cost), mean, covariance
+        cost = 0.5 * (_FREEDOM + 1.0) * np.log1p(squares / _FREEDOM).sum(axis=1)
+        cost += 0.5 * ((means[:, free] / self._prior_deviation[free]) ** 2).sum(axis=1)
+        best = int(cost.argmin())
+        weight, J = contacts.weight(distance_m[best]), J[best][:, free]
+        self.mean, self.covariance = means[best], np.zeros((9, 9))
+        self.covariance[np.ix_(free, free)] = np.linalg.inv(prior_precision + J.T @ (weight[:, None] * J))
+
+    def _arrays(self) -> _Contacts:
+        return _Contacts(
+            np.array([each.position_m for each in self.contacts]),
+            np.array([each.inhaled_share for each in self.contacts]),
+            np.array([self._sigma_m(each) for each in self.contacts]),
+        )
 
     def T_world_rest(self, inhaled_share: float = 0.0) -> Array:
         """Where the organ most likely lies, as the map from its rest frame to the world, shape (4, 4).
@@ -163,29 +172,21 @@ class RigidBelief:
         T[:3, 3] = self._middle_m - T[:3, :3] @ self._middle_m + u + inhaled_share * b
         return T
 
-    def tip_correction(self, index: int) -> tuple[Array, Array]:
-        """By how much the tip of a contact was most likely measured off, to be added, and how sure that is.
+    def tip_corrections_m(self) -> Array:
+        """By how much the tip of each contact was most likely measured off, to be added, rest frame [m], shape (N, 3).
 
-        At the mean of the belief the contact lies d off the surface along its normal n. That is the expected sum of the
+        At the mean of the belief a contact lies d off the surface along its normal n. That is the expected sum of the
         errors of tip, surface and depth, of which the tip's is sigma_tip^2 / sigma^2.
         Along the surface nothing is known.
-
-        Args:
-            index: The number of the contact, from 0.
-
-        Returns:
-            The correction in the rest frame [m], shape (3,), and its covariance [m^2], shape (3, 3).
         """
-        contact = self.contacts[index]
-        tip_m2 = contact.noise_m**2
-        if tip_m2 == 0.0:
-            return np.zeros(3), np.zeros((3, 3))
-        T_world_rest = self.T_world_rest(contact.inhaled_share)
-        tip_m = (contact.position_m - T_world_rest[:3, 3]) @ T_world_rest[:3, :3]
-        distance_m, outward = self._surface(tip_m[None])
-        share = tip_m2 / self._sigma_m(contact) ** 2
-        across = np.outer(outward[0], outward[0])
-        return -share * distance_m[0] * outward[0], tip_m2 * (np.eye(3) - share * across)
+        noise_m = np.array([each.noise_m for each in self.contacts])
+        if not noise_m.any():
+            return np.zeros((len(noise_m), 3))
+        contacts = self._arrays()
+        away_m, R = self._away_m(self.mean[None], contacts)
+        distance_m, outward = self._surface(away_m[0] @ R[0] + self._middle_m)
+        share = (noise_m / contacts.noise_m) ** 2
+        return -(share * distance_m)[:, None] * outward
 
     def place_covariance_m2(self, points_m: Array, inhaled_share: float = 0.0) -> Array:
         """How sure it is where points of the organ lie, covariances [m^2], shape (N, 3, 3).
@@ -200,18 +201,30 @@ class RigidBelief:
         J[:, :, 3:6], J[:, :, 6:] = np.eye(3), inhaled_share * np.eye(3)
         return J @ self.covariance @ J.transpose(0, 2, 1)
 
-    def _residuals(self, mean: Array, contacts: _Contacts) -> tuple[Array, Array]:
-        """Signed distances [m] of contacts taken back to rest, shape (N,), and their slopes, shape (N, 9)."""
-        w, u, b = mean[:3], mean[3:6], mean[6:]
-        R = Rotation.from_rotvec(w).as_matrix()
-        away_m = contacts.positions_m - u - contacts.shares[:, None] * b - self._middle_m
-        distance_m, outward = self._surface(away_m @ R + self._middle_m)
-        outward_world = outward @ R.T
-        J = np.empty((len(away_m), 9))
+    def _residuals(self, means: Array, contacts: _Contacts) -> tuple[Array, Array]:
+        """Signed distances [m] of N contacts taken back to rest by S moves, and their slopes.
+
+        Args:
+            means: The moves, shape (S, 9).
+            contacts: The contacts.
+
+        Returns:
+            Shapes (S, N) and (S, N, 9).
+        """
+        away_m, R = self._away_m(means, contacts)
+        distance_m, outward = self._surface((away_m @ R + self._middle_m).reshape(-1, 3))
+        outward_world = outward.reshape(away_m.shape) @ R.transpose(0, 2, 1)
+        J = np.empty((*away_m.shape[:2], 9))
         # Turning the organ by a small dw about its middle takes a point at rest back by dw x away.
-        J[:, :3] = np.cross(outward_world, away_m) @ _left_jacobian(w)
-        J[:, 3:6], J[:, 6:] = -outward_world, -contacts.shares[:, None] * outward_world
-        return distance_m, J
+        J[:, :, :3] = np.cross(outward_world, away_m) @ np.array([_left_jacobian(w) for w in means[:, :3]])
+        J[:, :, 3:6], J[:, :, 6:] = -outward_world, -contacts.shares[:, None] * outward_world
+        return distance_m.reshape(away_m.shape[:2]), J
+
+    def _away_m(self, means: Array, contacts: _Contacts) -> tuple[Array, Array]:
+        """Contacts from where moves put the organ's middle [m], shape (S, N, 3), and the turns, shape (S, 3, 3)."""
+        u, b = means[:, None, 3:6], means[:, None, 6:]
+        away_m = contacts.positions_m - u - contacts.shares[:, None] * b - self._middle_m
+        return away_m, Rotation.from_rotvec(means[:, :3]).as_matrix()
 
 
 def _cross_matrices(vectors: Array) -> Array:

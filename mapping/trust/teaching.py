@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..detailed_map import DetailedMap
 from ..labelled_points import LabelledPoints
 from ..tumour_map import TumourMap
 
@@ -22,6 +24,34 @@ def teach(tumour_map: TumourMap, labels: LabelledPoints) -> None:
         if values is not None and _takes(tumour_map, name)
     }
     tumour_map.update(labels.points_m, labels.is_occupied, **told)
+
+
+def laid_anew(
+    tumour_map: TumourMap,
+    readings: Sequence[LabelledPoints],
+    new_map: Callable[[], TumourMap],
+    *,
+    is_far: bool,
+) -> TumourMap:
+    """A map of readings that lie elsewhere than where they were taught, the last of which is new.
+
+    Where they have moved by little, a map in detail moves what decides near tumour, and keeps its coarse map. Any other
+    map is taught anew.
+
+    Args:
+        tumour_map: The map of the readings before the last, which may be changed.
+        readings: All readings where they lie now.
+        new_map: Makes a map without readings.
+        is_far: Whether some reading has moved by much since it was laid into a new map.
+    """
+    is_detailed = type(tumour_map) is DetailedMap
+    laid = new_map() if is_far or not is_detailed else tumour_map
+    if isinstance(laid, DetailedMap) and is_detailed:
+        laid.lay_labels(readings)
+    else:
+        for each in readings:
+            teach(laid, each)
+    return laid
 
 
 def _takes(tumour_map: Any, name: str) -> bool:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
@@ -14,11 +13,8 @@ from scipy.special import chdtri
 from mapping import LabelledPoints
 from mapping.registration import Contact, RigidBelief
 from sim.world.anatomy.anatomy import Anatomy
-from sim.world.body.contact import way_to_contact_m
 from sim.world.body.true_place import TruePlace, measured
-from sim.world.errors import TissueError
 from sim.world.frames import rigid_inverse
-from sim.world.ik.settings import IkSettings
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 from sim.world.solids.surface_distance import surface_distance_of
@@ -27,13 +23,17 @@ from sim.world.tissue.indentation import Indentation
 from .body_options import BodyOptions, BodyScore, expected_place
 from .moving.arm_motion import motion_on_body
 from .moving.contact_motion import ContactMotion
-from .moving.motion import MotionModel
+from .moving.encounter import Encounter
+from .moving.motion import Motion, MotionModel
 from .setup import Setup
-from .yielding import Pressed, RawReading, YieldingOrgan, face_radius_m
+from .yielding import RawReading, YieldingOrgan, face_radius_m
 
 MOVED_M, MOVED_SHARE = 0.0005, 0.5
-"""The map is laid anew when what is believed has moved some corner of the organ's box by more than this since [m], and
-by more than this share of how far such a corner is believed to be off."""
+"""Readings are laid anew when what is believed has moved some corner of the organ's box by more than this since [m],
+and by more than this share of how far such a corner is believed to be off."""
+FAR_M = 0.002
+"""Only when it has moved by more than this [m] since a new map was made, another is: up to there a map in detail moves
+nothing but its answers near tumour. Its other answers are as smooth as its hinges are wide apart, 11 mm."""
 SURE = 0.95
 """Probability of the ellipsoid in which the belief says that a tumour lies."""
 
@@ -42,6 +42,14 @@ _ROUNDS = 3
 DEPTH_SHARE = 0.1
 """How far off the depth of a press is, as a standard deviation over the depth: the model of those who believe knows no
 tumours, and not quite where it is pressed."""
+
+
+class Laid(NamedTuple):
+    """All readings, at where they are now believed to lie."""
+
+    readings: list[LabelledPoints]
+    is_far: bool
+    """Whether some have moved by much since readings were last laid into a new map."""
 
 
 class Body:
@@ -69,7 +77,7 @@ class Body:
         place_rng, self._tip_rng = rng.spawn(2)
         self.place = TruePlace(options.settings, middle_m, place_rng)
         self._setup, self._motion = setup, options.motion
-        self._planned, self._above_m = state, IkSettings().standoff_m
+        self._planned = state
         self._targets_m = anatomy.tumour_middles_m if anatomy.tumours else middle_m[None]
         self._corners_m = np.array(
             [[setup.organ.bounds_m[i, axis] for axis, i in enumerate(c)] for c in np.ndindex(2, 2, 2)]
@@ -79,68 +87,45 @@ class Body:
             self.yielding = YieldingOrgan(setup, anatomy.tumours, options.tissue, options.press_n)
         # A face that presses lies flat, and the force then tells how deep its middle is.
         self._face_m = face_radius_m(setup) if self.yielding is None else 0.0
-        self.indentation: Indentation | None = None
-        """How the organ yields under the probe now; None where it does not."""
         self.belief: RigidBelief | None = None
         if options.registration == "contacts":
             surface = surface_distance_of(setup.organ).signed_distance_and_outward
             self.belief = RigidBelief(surface, middle_m, options.prior or expected_place(options.settings))
-        self.pressed = Pressed()
-        """The force on the tip now, where it is simulated."""
-        self.time_s = 0.0
-        """Time of the procedure until now [s]."""
-        self._began_s = 0.0
-        self.sensed_s = 0.0
-        """Time at which the probe senses [s]."""
+        self.encounter = Encounter(
+            self.place,
+            state,
+            self.T_world_rest_believed,
+            self.yielding,
+            speed_m_s=options.motion.approach_speed_m_s,
+            face_m=self._face_m,
+        )
         self._raw: list[RawReading] = []
         self._contacts_by = np.eye(4)
+        # What took each reading back to rest when it was last laid, and when it was laid into a new map.
         self._laid_by: list[NDArray[np.float64]] = []
+        self._new_by: list[NDArray[np.float64]] = []
 
     def followed_by(self, motion_model: MotionModel) -> MotionModel:
         """A motion model that brings the probe to where the organ is believed to lie, and down to contact."""
         tip_site, positioner = self._setup.scene.tip_site, self._setup.positioner
-        return motion_on_body(motion_model, self) or ContactMotion(
-            motion_model, positioner, tip_site, self.find_contact, self._motion
+        return motion_on_body(motion_model, self.encounter) or ContactMotion(
+            motion_model, positioner, tip_site, self.encounter.find_contact, self._motion
         )
 
-    def find_contact(
-        self, data: mujoco.MjData, T_planned: NDArray[np.float64], motion_s: float
-    ) -> tuple[NDArray[np.float64] | str, float]:
-        """Where the tip meets the organ when it is sent to where a pose is believed to lie; see `ContactMotion`."""
-        settings = self.options.settings
-        self.time_s = arrived_s = self.time_s + motion_s
-        wait_s = self.place.wait_s(arrived_s)
-        self.sensed_s = arrived_s + wait_s
-        T_sent = self.T_world_rest_believed(self.place.inhaled_share(self.sensed_s)) @ T_planned
-        T_rest_world = rigid_inverse(self.place.T_world_rest(self.sensed_s))
-        way_m = way_to_contact_m(
-            self._planned.rays,
-            data,
-            T_rest_world @ T_sent,
-            above_m=self._above_m,
-            search_m=settings.contact_search_m,
-            face_radius_m=self._face_m,
-        )
-        if way_m is None:
-            reason = (
-                f"The probe met no organ from {self._above_m * 1e3:g} mm above to "
-                f"{settings.contact_search_m * 1e3:g} mm below where its surface was expected."
-            )
-            return reason, 0.0
-        T_contact = T_sent.copy()
-        T_contact[:3, 3] += way_m * T_sent[:3, 2]
-        if self.yielding is not None:
-            try:
-                self.indentation = self.yielding.press(T_rest_world @ T_contact)
-            except TissueError as error:
-                return f"The organ does not yield to the probe there: {error}.", 0.0
-            T_contact[:3, 3] += self.indentation.depth_m * T_sent[:3, 2]
-        return T_contact, wait_s
+    @property
+    def sensed_s(self) -> float:
+        """Time at which the probe senses [s]."""
+        return self.encounter.sensed_s
+
+    @property
+    def indentation(self) -> Indentation | None:
+        """How the organ yields under the probe now; None where it does not."""
+        return self.encounter.indentation
 
     @property
     def T_world_rest(self) -> NDArray[np.float64]:
         """Where the organ is at the time of sensing, as the map from the rest frame to the world, shape (4, 4)."""
-        return self.place.T_world_rest(self.sensed_s)
+        return self.encounter.T_world_rest
 
     @property
     def T_world_rest_at_exhale(self) -> NDArray[np.float64]:
@@ -149,17 +134,12 @@ class Body:
 
     @property
     def inhaled_share(self) -> float:
-        """How much of a full breath is in it then."""
+        """How much of a full breath is in it at the time of sensing."""
         return self.place.inhaled_share(self.sensed_s)
 
     def state(self) -> SceneState:
         """The scene with the organ where it is at the time of sensing, before the probe presses."""
-        T_rest_world = rigid_inverse(self.T_world_rest)
-        if self.indentation is None:
-            return self._planned.seen_from(T_rest_world)
-        T_rest_tip = T_rest_world @ self._planned.T_world_probe
-        T_rest_world[:3, 3] -= self.indentation.depth_m * T_rest_tip[:3, 2]
-        return self._planned.seen_from(T_rest_world)
+        return self.encounter.state()
 
     def read(self, sensor: Sensor, rng: np.random.Generator) -> Reading:
         """The reading of the probe where it is now, taken back to rest by what is believed.
@@ -174,11 +154,12 @@ class Body:
         if self.indentation is not None:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
-        self._raw.append(RawReading(T_measured, reading.points_m, share, self.pressed))
+        self._raw.append(RawReading(T_measured, reading.points_m, share, self.encounter.pressed))
         self._learn()
         points_m, _, _ = self._released(self._raw[-1])
-        T = self._T_rest_world(len(self._laid_by), share)
+        T = self._T_rest_world()[-1]
         self._laid_by.append(T)
+        self._new_by.append(T)
         return replace(reading, points_m=points_m, T_world_probe=T_measured).moved(T)
 
     def _learn(self) -> None:
@@ -210,29 +191,31 @@ class Body:
         if self.yielding is None or self.belief is None:
             touched_m = raw.T_world_probe[:3, 3] - raw.pressed.dent_m * raw.T_world_probe[:3, 2]
             return raw.points_m, touched_m, 0.0
-        T = self.T_world_rest_believed(raw.share)
-        T_rest_world = rigid_inverse(T)
-        T_rest_tip = T_rest_world @ raw.T_world_probe
-        points_m = raw.points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3]
-        points_m, depth_m = self.yielding.undone(T_rest_tip, points_m, raw.pressed.force_n)
-        tip_m = raw.T_world_probe[:3, 3] - depth_m * raw.T_world_probe[:3, 2]
-        return points_m @ T[:3, :3].T + T[:3, 3], tip_m, depth_m
+        return raw.released(self.yielding, self.T_world_rest_believed(raw.share))
 
-    def laid_anew(self, readings: Sequence[LabelledPoints]) -> list[LabelledPoints] | None:
+    def laid_anew(self, readings: Sequence[LabelledPoints]) -> Laid | None:
         """All readings at where they are now believed to lie; None where that is near where they lie already.
 
         Args:
             readings: The readings so far, in their order.
         """
-        now = [self._T_rest_world(index, raw.share) for index, raw in enumerate(self._raw)]
-        moved_m = max(self._moved_m(T - before) for T, before in zip(now, self._laid_by, strict=True))
-        if moved_m <= max(MOVED_M, MOVED_SHARE * self._deviation_m()):
+        now, deviation_m = self._T_rest_world(), self._deviation_m()
+        if self._most_moved_m(now, self._laid_by) <= max(MOVED_M, MOVED_SHARE * deviation_m):
             return None
-        self._laid_by = now
-        return [
+        is_far = self._most_moved_m(now, self._new_by) > max(FAR_M, MOVED_SHARE * deviation_m)
+        self._laid_by = list(now)
+        self._new_by = list(now) if is_far else [*self._new_by[:-1], now[-1]]
+        laid = [
             reading.at(self._released(raw)[0] @ T[:3, :3].T + T[:3, 3])
             for reading, raw, T in zip(readings, self._raw, now, strict=True)
         ]
+        return Laid(laid, is_far)
+
+    def _most_moved_m(
+        self, now: Sequence[NDArray[np.float64]], before: Sequence[NDArray[np.float64]]
+    ) -> float:
+        """How far some corner of the organ's box lies from where it was, under the moves of any reading [m]."""
+        return max(self._moved_m(T - other) for T, other in zip(now, before, strict=True))
 
     def _moved_m(self, difference: NDArray[np.float64]) -> float:
         """How far some corner of the organ's box lies apart under two moves, of which this is the difference [m]."""
@@ -256,8 +239,7 @@ class Body:
         Args:
             procedure_s: How long it took, with the ways to poses that were missed [s].
         """
-        self._began_s += procedure_s
-        self.time_s = self._began_s
+        self.encounter.end_action(procedure_s)
         return self.score()
 
     def score(self) -> BodyScore:
@@ -287,9 +269,21 @@ class Body:
             record |= {"covariance": self.belief.covariance.tolist()}
         return record
 
-    def _T_rest_world(self, index: int, share: float) -> NDArray[np.float64]:
-        """What takes a reading back to rest by what is believed, shape (4, 4)."""
-        T_rest_world = rigid_inverse(self.T_world_rest_believed(share))
+    def record_of(self, motion: Motion) -> dict[str, NDArray[np.float64]]:
+        """Where the organ truly was during the last motion, and where the tip was in it at its end, as arrays.
+
+        Args:
+            motion: The last motion.
+        """
+        return {
+            "T_world_rest": self.encounter.places_during(motion),
+            "T_rest_probe": self.state().T_world_probe,
+        }
+
+    def _T_rest_world(self) -> list[NDArray[np.float64]]:
+        """What takes each reading back to rest by what is believed, shapes (4, 4)."""
+        moves = [rigid_inverse(self.T_world_rest_believed(raw.share)) for raw in self._raw]
         if self.belief is not None:
-            T_rest_world[:3, 3] += self.belief.tip_correction(index)[0]
-        return T_rest_world
+            for T_rest_world, correction_m in zip(moves, self.belief.tip_corrections_m(), strict=True):
+                T_rest_world[:3, 3] += correction_m
+        return moves

@@ -21,6 +21,7 @@ from mapping import (
     TumourMapFactory,
     average_precision,
     evaluate_map,
+    laid_anew,
     make_hilbert_map,
     teach,
 )
@@ -192,8 +193,8 @@ class Episode:
         sensed_s = perf_counter()
         labels = self.trust.judge(LabelledPoints(*reading.labels))
         self.readings.append(labels)
-        T, own = self._scene_state.T_world_probe, self.target
-        target = own.learn(number, reading, T) if own is not None else None
+        if self.target is not None:
+            self.target.note(number, reading, self._scene_state.T_world_probe)
         auprc = self._update(labels)
         self.sensed.append(pose)
         return Step(
@@ -211,7 +212,7 @@ class Episode:
             move_s=approach.move_s,
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
-            target=target,
+            target=None if self.target is None else self.target.score(),
             body=None if self.body is None else self.body.done(motion.motion_s + self._sensing_s),
         )
 
@@ -266,15 +267,22 @@ class Episode:
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
     def _learn(self, labels: LabelledPoints) -> None:
-        """Teach the map a reading, or all readings anew where the organ is now believed to lie elsewhere."""
-        anew = None if self.body is None else self.body.laid_anew(self.readings)
-        if anew is not None:
-            self.readings, self.tumour_map = anew, self._new_map()
-            if self.target is not None:
-                self.target.lay_anew([reading.points_m for reading in anew], self._new_map())
+        """Teach the maps a reading, or all readings anew where the organ is now believed to lie elsewhere."""
         assert self.tumour_map is not None
-        for each in anew or [labels]:
-            teach(self.tumour_map, each)
+        laid = None if self.body is None else self.body.laid_anew(self.readings)
+        if laid is None:
+            teach(self.tumour_map, labels)
+        else:
+            self.readings = laid.readings
+            self.tumour_map = laid_anew(self.tumour_map, laid.readings, self._fresh_map, is_far=laid.is_far)
+        if self.target is not None:
+            self.target.learn(laid, self._fresh_map)
+
+    def _fresh_map(self) -> TumourMap:
+        """A map without readings, of an episode that keeps maps."""
+        fresh = self._new_map()
+        assert fresh is not None
+        return fresh
 
     def _predict(self) -> None:
         if self.tumour_map is not None:

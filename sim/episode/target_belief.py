@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,10 +17,12 @@ from mapping import (
     TumourMapFactory,
     average_precision,
     evaluate_map,
+    laid_anew,
 )
 from planner import Cone, Planner
 from sim.world.sensing.reading import Reading
 
+from .body import Laid
 from .measures import NEVER, never, note_first
 from .truth import TargetTruth
 
@@ -59,8 +61,8 @@ class TargetBelief:
         """What the class is called."""
         return self.truth.anatomy.name
 
-    def learn(self, number: int, reading: Reading, T_world_probe: NDArray[np.float64]) -> TargetScore:
-        """The score after an action, whose labels of the class update the map.
+    def note(self, number: int, reading: Reading, T_world_probe: NDArray[np.float64]) -> None:
+        """Note what an action read and which points it held; `learn` teaches the map.
 
         Args:
             number: The number of the action, from 1.
@@ -73,33 +75,39 @@ class TargetBelief:
         tip_m, beam = T_world_probe[:3, 3], T_world_probe[:3, 2]
         is_held = self._cone.contains(self.truth.anatomy.detection_points_m, tip_m, beam)
         note_first(self.first_seen, number, is_held)
-        if self.tumour_map is not None:
-            if reading.is_target is None:
-                raise ValueError(
-                    f"The scene has a second class, {self.name}, but is_target of the reading is None: "
-                    "the sensor must label its points for that class too."
-                )
-            self.readings.append(LabelledPoints(reading.points_m, reading.is_target))
-            self.tumour_map.update(reading.points_m, reading.is_target)
-            self._predict()
+        if self.tumour_map is None:
+            return
+        if reading.is_target is None:
+            raise ValueError(
+                f"The scene has a second class, {self.name}, but is_target of the reading is None: "
+                "the sensor must label its points for that class too."
+            )
+        self.readings.append(LabelledPoints(reading.points_m, reading.is_target))
+
+    def learn(self, laid: Laid | None, new_map: Callable[[], TumourMap]) -> None:
+        """Teach the map the last reading, or all where the organ is now believed to lie elsewhere.
+
+        Args:
+            laid: The tumours' readings where they lie now; None where those before the last lie where they lay.
+            new_map: Makes a map without readings.
+        """
+        if self.tumour_map is None:
+            return
+        if laid is None:
+            self.tumour_map.update(self.readings[-1].points_m, self.readings[-1].is_occupied)
+        else:
+            self.readings = [
+                own.at(each.points_m) for own, each in zip(self.readings, laid.readings, strict=True)
+            ]
+            self.tumour_map = laid_anew(self.tumour_map, self.readings, new_map, is_far=laid.is_far)
+        self._predict()
+
+    def score(self) -> TargetScore:
+        """The score by what is believed now."""
         auprc = None
         if self.prediction is not None:
             auprc = average_precision(self.prediction.score, self.truth.is_target)
         return TargetScore(float((self.first_seen != NEVER).mean()), auprc)
-
-    def lay_anew(self, points_m: Sequence[NDArray[np.float64]], tumour_map: TumourMap | None) -> None:
-        """Begin again with all readings so far at other places, where the organ is believed to have moved.
-
-        Args:
-            points_m: The points of each reading [m], shapes (N, 3).
-            tumour_map: A map before anything is sensed, in place of the present one.
-        """
-        self.tumour_map = tumour_map
-        self.readings = [each.at(places_m) for each, places_m in zip(self.readings, points_m, strict=True)]
-        if tumour_map is not None:
-            for each in self.readings:
-                tumour_map.update(each.points_m, each.is_occupied)
-            self._predict()
 
     def metrics(self) -> MapMetrics | None:
         """The scores of the present map against the truth."""

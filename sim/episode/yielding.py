@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.body.contact import face_at_m
 from sim.world.errors import TissueError
+from sim.world.frames import rigid_inverse
 from sim.world.motion.settings import FACE_M
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance, surface_distance_of
@@ -24,8 +25,30 @@ from .setup import Setup
 
 Array = NDArray[np.float64]
 
-_STEPS_BACK = 20
-"""Steps back along the beam to the surface, each as long as the distance from it."""
+_STEPS_BACK, _THERE_M = 20, 1e-5
+"""Most steps back along the beam to the surface, each as long as the distance from it, and how near is near enough [m].
+"""
+_STALE_M, _LEVER_M = 0.001, 0.03
+"""A press is released anew when, as it is believed, the tip or what lies so deep below it has moved by so much within
+the organ [m]: the depth changes slowly from place to place, by about as much as one in ten of a move."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Release:
+    """What a press did, as it is believed, in the frame of the tip."""
+
+    T_rest_tip: Array
+    """Where the tip was believed to be when this was worked out, shape (4, 4)."""
+    back_m: Array
+    """The way of each point back to where it lay [m], shape (N, 3)."""
+    depth_m: float
+    """How deep the tip was."""
+
+    def is_stale(self, T_rest_tip: Array) -> bool:
+        """Whether the tip is believed to be elsewhere by now."""
+        difference = T_rest_tip - self.T_rest_tip
+        ends_m = np.stack([difference[:3, 3], difference[:3, 3] + _LEVER_M * difference[:3, 2]])
+        return bool(np.linalg.norm(ends_m, axis=1).max() > _STALE_M)
 
 
 @dataclass(frozen=True)
@@ -38,7 +61,7 @@ class Pressed:
     """How far a rigid organ's spring has given way to it [m]."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class RawReading:
     """A reading as it was measured."""
 
@@ -48,8 +71,27 @@ class RawReading:
     """Where its points were, world frame [m], shape (N, 3)."""
     share: float
     """How much of a full breath was in the organ."""
-    pressed: Pressed
+    pressed: Pressed = field(default_factory=Pressed)
     """The force on the tip, as far as it is measured."""
+    _release: _Release | None = None
+
+    def released(self, organ: YieldingOrgan, T_world_rest: Array) -> tuple[Array, Array, float]:
+        """Points and tip where, by what is believed, they lay before the probe pressed, world frame; and its depth.
+
+        Args:
+            organ: The organ that yielded.
+            T_world_rest: Where it is believed to have lain, shape (4, 4).
+        """
+        T_tip, T_rest_world = self.T_world_probe, rigid_inverse(T_world_rest)
+        T_rest_tip, before = T_rest_world @ T_tip, self._release
+        if before is None or before.is_stale(T_rest_tip):
+            points_m = self.points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3]
+            known_m = None if before is None else before.depth_m
+            force_n = self.pressed.force_n
+            freed_m, depth_m = organ.undone(T_rest_tip, points_m, force_n=force_n, depth_m=known_m)
+            self._release = before = _Release(T_rest_tip, (freed_m - points_m) @ T_rest_tip[:3, :3], depth_m)
+        tip_m = T_tip[:3, 3] - before.depth_m * T_tip[:3, 2]
+        return self.points_m + before.back_m @ T_tip[:3, :3].T, tip_m, before.depth_m
 
     def touching_m(self, face_m: float, T_world_rest: Array, surface: SurfaceDistance) -> Array:
         """The point of the face that touched, by what is believed: that nearest to the surface [m], shape (3,).
@@ -118,7 +160,14 @@ class YieldingOrgan:
             T_rest_tip[:3, 3], T_rest_tip[:3, 2], force_n=force_n, face_radius_m=self._face_m
         )
 
-    def undone(self, T_rest_tip: Array, points_m: Array, force_n: float | None = None) -> tuple[Array, float]:
+    def undone(
+        self,
+        T_rest_tip: Array,
+        points_m: Array,
+        *,
+        force_n: float | None = None,
+        depth_m: float | None = None,
+    ) -> tuple[Array, float]:
         """Where points lay before the probe pressed, as it is believed, and how deep the tip is believed to be.
 
         The tip first touched where its beam crosses the surface at rest, or nearer to where the organ's depth under the
@@ -128,16 +177,21 @@ class YieldingOrgan:
             T_rest_tip: Where the tip that presses is believed to be, rest frame, shape (4, 4).
             points_m: Points that were read, likewise [m], shape (N, 3).
             force_n: The force that was measured [N]; None for that at which the probe stops.
+            depth_m: How deep the tip was believed to be when it was believed to be near there; None for a new press.
 
         Returns:
             Points [m], shape (N, 3), and the depth [m].
         """
         beam, force_n = T_rest_tip[:3, 2], self.press_n if force_n is None else force_n
         try:
-            found = self._pressed(self._touched_m(T_rest_tip), beam, force_n)
+            found = None
+            if depth_m is None:
+                found = self._pressed(self._touched_m(T_rest_tip), beam, force_n)
+                depth_m = found.depth_m
             with suppress(TissueError):
                 # The force tells the depth better than the surface, where the belief of the place is good.
-                found = self._pressed(T_rest_tip[:3, 3] - found.depth_m * beam, beam, force_n)
+                found = self._pressed(T_rest_tip[:3, 3] - depth_m * beam, beam, force_n)
+            found = found or self._pressed(self._touched_m(T_rest_tip), beam, force_n)
             return found.rest_of(points_m), found.depth_m
         except TissueError:
             return points_m, force_n / (2.0 * self._believed.tissue.contact_modulus_pa * self._face_m)
@@ -146,7 +200,10 @@ class YieldingOrgan:
         """Where a tip that presses first touched: back along the beam, where the surface at rest is."""
         touched_m = T_rest_tip[:3, 3].copy()
         for _ in range(_STEPS_BACK):
-            touched_m += self._surface.signed_distance_m(touched_m[None])[0] * T_rest_tip[:3, 2]
+            distance_m = self._surface.signed_distance_m(touched_m[None])[0]
+            touched_m += distance_m * T_rest_tip[:3, 2]
+            if abs(distance_m) < _THERE_M:
+                break
         return touched_m
 
     def _pressed(self, touched_m: Array, beam: Array, force_n: float) -> Indentation:

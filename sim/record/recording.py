@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
 from .ownership import check_run_folder
-from .trajectories import PROBE, read_anatomy, read_motions
+from .trajectories import PROBE, Places, read_anatomy, read_motions, read_places
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,6 +38,8 @@ class Recording:
     """How long the probe stays at the end of each motion."""
     sensed_m: NDArray[np.float64]
     """Positions of the poses that were sensed, shape (n_steps, 3) [m]."""
+    places: Mapping[int, Places]
+    """Where the organ truly was during the motion of each step; empty where it lay as planned."""
     motion_kind: str
     """How the arm moved: `none` where it jumped, `kinematic` or `servo`."""
 
@@ -47,13 +50,35 @@ class Recording:
 
     def at(self, time_s: float) -> tuple[int, NDArray[np.float64]]:
         """The step at a time of the procedure, and the last state that was recorded before it."""
+        step, index = self._index_at(time_s)
+        return step, self.motions[step].states[index]
+
+    def T_world_rest_at(self, time_s: float) -> NDArray[np.float64]:
+        """Where the organ truly was at a time of the procedure, as the map of its planned place, shape (4, 4)."""
+        step, index = self._index_at(time_s)
+        return self.places[step].T_world_rest[index] if step in self.places else np.eye(4)
+
+    def T_world_rest_sensed(self, step: int) -> NDArray[np.float64]:
+        """Where the organ truly was when the probe sensed, likewise."""
+        return self.places[step].T_world_rest[-1] if step in self.places else np.eye(4)
+
+    def tips_rest_m(self, step: int) -> NDArray[np.float64]:
+        """The tip's way to an action as seen from the organ, where that was planned [m], shape (S, 3)."""
+        tips_m = self.motions[step].tips_m
+        if step not in self.places:
+            return tips_m
+        T = self.places[step].T_world_rest
+        return np.einsum("sji,sj->si", T[:, :3, :3], tips_m - T[:, :3, 3])
+
+    def _index_at(self, time_s: float) -> tuple[int, int]:
+        """The step at a time of the procedure, and which state of its motion was the last before it."""
         steps = list(self.motions)
         ends_s = np.cumsum([motion.motion_s + self.sensing_s for motion in self.motions.values()])
         row = min(int(np.searchsorted(ends_s, time_s, side="right")), len(steps) - 1)
         motion = self.motions[steps[row]]
         since_s = time_s - (ends_s[row] - motion.motion_s - self.sensing_s)
         index = int(np.searchsorted(motion.time_s, since_s, side="right")) - 1
-        return steps[row], motion.states[max(index, 0)]
+        return steps[row], max(index, 0)
 
 
 def read_recording(folder: Path) -> Recording:
@@ -83,6 +108,7 @@ def read_recording(folder: Path) -> Recording:
         motions=motions,
         sensing_s=float(options["sensing_s"]),
         sensed_m=np.array(sensed_m).reshape(-1, 3),
+        places=read_places(folder),
         motion_kind=str(options.get("motion", "none")),
     )
 

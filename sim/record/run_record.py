@@ -21,7 +21,7 @@ from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
 from .ownership import MANIFEST, check_run_folder
 from .poses import read_poses
-from .trajectories import ANATOMY, read_anatomy
+from .trajectories import ANATOMY, read_anatomy, read_places
 
 Rows = list[dict[str, str]]
 
@@ -42,7 +42,8 @@ class RunRecord:
     skipped: Rows
     """Rows of skipped.csv."""
     T_world_probe: NDArray[np.float64]
-    """Where the probe was at each action, shape (T, 4, 4)."""
+    """Where the probe was at each action, shape (T, 4, 4). Where the organ did not lie as planned, this is where the
+    probe truly was in it, in the world in which it does; `poses.csv` has what was believed of that."""
     anatomy: Anatomy
     detection_points_m: NDArray[np.float64]
     """Points inside the tumours, world frame, shape (D, 3)."""
@@ -111,6 +112,10 @@ def load_run(folder: Path | str) -> RunRecord:
     anatomy = read_anatomy(folder)
     points_m, tumours, is_attainable = _detection(folder / ANATOMY)
     n_steps, T_world_probe = read_poses(folder)
+    places = read_places(folder)
+    for row, step in enumerate(n_steps.tolist()):
+        if step in places:
+            T_world_probe[row] = places[step].T_rest_probe
     # A kill may leave one row more in one of the two tables.
     steps = read_rows(folder / "steps.csv")[: len(n_steps)]
     field = _field(folder / "map.npz")

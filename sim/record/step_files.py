@@ -34,7 +34,8 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     for phase, q in (("above", step.ik.q_standoff), ("contact", step.ik.q), ("above", step.ik.q_standoff)):
         row = {"step": step.step, "phase": phase, "pose_index": step.pose_index}
         folder.append_row("states.csv", row | dict(zip(positioner.joint_names, q, strict=True)))
-    write_motion(folder, step.step, step.motion)
+    truly = None if episode.body is None else episode.body.record_of(step.motion)
+    write_motion(folder, step.step, step.motion, truly)
     tip = step.reading.T_world_probe
     folder.append_row(POSES_CSV, pose_row(step.step, step.pose_index, tip, episode.setup.T_world_organ))
     if episode.prediction is not None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +30,18 @@ KEYS = ("time_s", "states", "tips_m", "phases")
 """Fields of a motion that are kept."""
 
 
-def write_motion(folder: RunFolder, step: int, motion: Motion) -> None:
-    """Write the states of one step's motion to motion/<step>.npz."""
-    arrays = {key: getattr(motion, key) for key in KEYS}
+def write_motion(
+    folder: RunFolder, step: int, motion: Motion, truly: Mapping[str, NDArray[np.float64]] | None = None
+) -> None:
+    """Write the states of one step's motion to motion/<step>.npz.
+
+    Args:
+        folder: The run's.
+        step: The action, from 1.
+        motion: Its motion.
+        truly: Of an organ that does not lie as planned, the arrays that `read_places` reads.
+    """
+    arrays = {key: getattr(motion, key) for key in KEYS} | dict(truly or {})
     folder.write_arrays(f"motion/{step:05d}.npz", compressed=True, **arrays)
 
 
@@ -132,6 +143,49 @@ def read_motions(folder: Path) -> dict[int, Motion]:
     return {_step_of(file): _read_motion(file) for file in files}
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where the organ of a run truly was that did not lie as planned."""
+
+    T_world_rest: NDArray[np.float64]
+    """Maps the world as it was planned to where the organ was at each state of a motion, shape (S, 4, 4)."""
+    T_rest_probe: NDArray[np.float64]
+    """Where the tip truly was in the planned organ when it sensed, before it pressed, shape (4, 4)."""
+
+
+def read_places(folder: Path) -> dict[int, Places]:
+    """Where the organ was during the motions of a run, by step; empty where it lay as planned.
+
+    Raises:
+        UsageError: A file is broken.
+    """
+    places = {}
+    for file in sorted((folder / "motion").glob("*.npz")):
+        with _opened(file) as arrays:
+            if "T_world_rest" not in arrays:
+                continue
+            place = Places(arrays["T_world_rest"], arrays["T_rest_probe"])
+            n_states = len(arrays["time_s"])
+        if place.T_world_rest.shape != (n_states, 4, 4) or place.T_rest_probe.shape != (4, 4):
+            raise UsageError(f"{file}: places and times do not fit together. Run the episode again.")
+        places[_step_of(file)] = place
+    return places
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[Mapping[str, NDArray[Any]]]:
+    """The arrays of a motion's file.
+
+    Raises:
+        UsageError: It is broken, or lacks an array that is asked for.
+    """
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            yield arrays
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise UsageError(f"{file}: cannot be read ({error}). Run the episode again.") from error
+
+
 def _step_of(file: Path) -> int:
     if not file.stem.isdecimal():
         raise UsageError(f"{file}: is not named by the number of a step; remove it.")
@@ -139,11 +193,8 @@ def _step_of(file: Path) -> int:
 
 
 def _read_motion(file: Path) -> Motion:
-    try:
-        with np.load(file, allow_pickle=False) as arrays:
-            time_s, states, tips_m, phases = (arrays[key] for key in KEYS)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise UsageError(f"{file}: cannot be read ({error}). Run the episode again.") from error
+    with _opened(file) as arrays:
+        time_s, states, tips_m, phases = (arrays[key] for key in KEYS)
     shapes_fit = states.ndim == 2 and time_s.shape == phases.shape == states.shape[:1] != (0,)
     if not (
         shapes_fit

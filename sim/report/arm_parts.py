@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from sim.record.recording import Recording, set_state
 from sim.world.frames import quaternion_matrix
@@ -47,17 +48,18 @@ def body_poses(recording: Recording, names: list[str]) -> NDArray[np.float32]:
         names: The bodies.
 
     Returns:
-        Shape (1 + number of motions, number of bodies, 7), world frame [m]; the first is where the run began.
+        Shape (1 + number of motions, number of bodies, 7) [m], in the world where the organ lies as planned; the first
+        is where the run began.
     """
     scene = recording.scene
     data = scene.new_data()
     ids = [scene.model.body(name).id for name in names]
-    motions = list(recording.motions.values())
-    states = [motions[0].states[0], *(motion.states[-1] for motion in motions)]
-    poses = np.empty((len(states), len(ids), 7), dtype=np.float32)
-    for row, state in zip(poses, states, strict=True):
-        set_state(scene, data, state)
-        row[:, :3], row[:, 3:] = data.xpos[ids], data.xquat[ids]
+    steps = list(recording.motions)
+    moments = [(steps[0], 0), *((step, -1) for step in steps)]
+    poses = np.empty((len(moments), len(ids), 7), dtype=np.float32)
+    for row, (step, index) in zip(poses, moments, strict=True):
+        set_state(scene, data, recording.motions[step].states[index])
+        row[:] = _from_the_organ(recording, step, index, data.xpos[ids], data.xquat[ids])
     return poses
 
 
@@ -70,18 +72,36 @@ def body_ways(recording: Recording, names: list[str], n: int) -> NDArray[np.floa
         n: Number of moments, the first and the last of a motion among them.
 
     Returns:
-        Shape (number of motions, n, number of bodies, 7), world frame [m].
+        Shape (number of motions, n, number of bodies, 7) [m], in the world where the organ lies as planned.
     """
     scene = recording.scene
     data = scene.new_data()
     ids = [scene.model.body(name).id for name in names]
     ways = np.empty((len(recording.motions), n, len(ids), 7))
-    for way, motion in zip(ways, recording.motions.values(), strict=True):
+    for way, (step, motion) in zip(ways, recording.motions.items(), strict=True):
         moments_s = np.linspace(motion.time_s[0], motion.time_s[-1], n)
         for row, at in zip(way, np.searchsorted(motion.time_s, moments_s - 1e-9), strict=True):
-            set_state(scene, data, motion.states[min(int(at), len(motion.states) - 1)])
-            row[:, :3], row[:, 3:] = data.xpos[ids], data.xquat[ids]
+            index = min(int(at), len(motion.states) - 1)
+            set_state(scene, data, motion.states[index])
+            row[:] = _from_the_organ(recording, step, index, data.xpos[ids], data.xquat[ids])
     return ways
+
+
+def _from_the_organ(
+    recording: Recording,
+    step: int,
+    index: int,
+    positions_m: NDArray[np.float64],
+    quaternions: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Bodies as seen from the organ where it was at a state of a motion: positions [m], quaternions, shape (B, 7)."""
+    place = recording.places.get(step)
+    if place is not None:
+        T = place.T_world_rest[index]
+        positions_m = (positions_m - T[:3, 3]) @ T[:3, :3]
+        turned = Rotation.from_matrix(T[:3, :3].T) * Rotation.from_quat(quaternions, scalar_first=True)
+        quaternions = turned.as_quat(scalar_first=True)
+    return np.hstack([positions_m, quaternions])
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:

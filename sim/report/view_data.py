@@ -32,7 +32,10 @@ MOST_STRUCTURE_FACES = 14_000
 
 
 def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
-    """Everything that the view draws; arrays go to `pack`."""
+    """Everything that the view draws; arrays go to `pack`.
+
+    The organ stands still in it. Where it truly lay elsewhere than planned, arm and tip are drawn as seen from it.
+    """
     recording = _recording(record)
     anatomy = record.anatomy
     bounds_m = anatomy.organ.bounds_m
@@ -110,7 +113,7 @@ def _ways(recording: Recording, names: list[str], pack: Pack) -> dict[str, Any] 
 
 def _paths(recording: Recording, n_steps: int, pack: Pack) -> dict[str, Any]:
     """The tip's way to each action."""
-    ways = [motion.tips_m for motion in recording.motions.values()][:n_steps]
+    ways = [recording.tips_rest_m(step) for step in recording.motions][:n_steps]
     ends = np.cumsum([len(way) for way in ways])
     points = np.concatenate([*ways, np.empty((0, 3))]).astype(np.float32)
     return {"points": pack.add(points.ravel()), "ends": ends.tolist()}

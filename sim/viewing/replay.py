@@ -22,7 +22,9 @@ def replay_table(recording: Recording) -> str:
         agreement = "as recorded" if worst_m < AGREEMENT_M else f"off by up to {worst_m * 1e3:.3g} mm"
         gap = "–"
         if index < len(recording.sensed_m):
-            gap_m = np.linalg.norm(motion.tips_m[-1] - recording.sensed_m[index])
+            # The pose lies in the organ, wherever that truly was.
+            pose_m = recording.T_world_rest_sensed(step) @ np.append(recording.sensed_m[index], 1.0)
+            gap_m = np.linalg.norm(motion.tips_m[-1] - pose_m[:3])
             gap = f"{gap_m * 1e3:.3f}"
         numbers = (
             f"{step:>5} {len(motion.states):>7} {motion.motion_s:>10.2f} {motion.tip_path_m:>8.3f} {gap:>17}"

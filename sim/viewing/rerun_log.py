@@ -37,7 +37,7 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
     began_s = 0.0
     for index, T in enumerate(record.T_world_probe):
         motion = recording.motions[index + 1]
-        for time_s, tip_m in zip(motion.time_s, motion.tips_m, strict=True):
+        for time_s, tip_m in zip(motion.time_s, recording.tips_rest_m(index + 1), strict=True):
             _set_time(stream, index + 1, began_s + float(time_s))
             stream.log("world/tip", rr.Points3D([tip_m], radii=0.003, colors=[PROBE]))
         began_s += motion.motion_s

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from sim.errors import FieldError
 from sim.pictures.captions import captioned, frame_settings
+from sim.pictures.moved_anatomy import moved_anatomy
 from sim.record.recording import Recording, set_state
 from sim.world.camera.rendering import Overlay, SceneRenderer
 from sim.world.optional import optional_module
@@ -84,11 +85,14 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
             step, state = recording.at(time_s)
             set_state(recording.scene, data, state)
             index = steps.index(step)
-            overlay = Overlay(
-                sensed_m=recording.sensed_m[:index], path_m=recording.motions[step].tips_m[::PATH_EVERY]
-            )
+            T = recording.T_world_rest_at(time_s)
+            # The poses lie in the organ, and move along with it.
+            sensed_m = recording.sensed_m[:index] @ T[:3, :3].T + T[:3, 3]
+            overlay = Overlay(sensed_m=sensed_m, path_m=recording.motions[step].tips_m[::PATH_EVERY])
             caption = f"{recording.folder.name}   ·   action {step}   ·   {time_s:.1f} s"
-            yield captioned(renderer.render(data, overlay), caption, anatomy)
+            with moved_anatomy(data, T):
+                picture = renderer.render(data, overlay)
+            yield captioned(picture, caption, anatomy)
 
 
 def _show_all(renderer: SceneRenderer, recording: Recording) -> None:

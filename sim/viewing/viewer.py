@@ -9,6 +9,7 @@ import time
 import mujoco
 
 from sim.errors import UsageError
+from sim.pictures.moved_anatomy import moved_anatomy
 from sim.record.recording import Recording, set_state
 from sim.world.scene.scene import Group
 
@@ -61,5 +62,6 @@ def play(recording: Recording, speed: float) -> None:
         while window.is_running():
             time_s = (time.perf_counter() - began) * speed % max(recording.duration_s, FRAME_S)
             set_state(recording.scene, data, recording.at(time_s)[1])
-            window.sync()
+            with moved_anatomy(data, recording.T_world_rest_at(time_s)):
+                window.sync()
             time.sleep(FRAME_S)

@@ -5,7 +5,15 @@ import pytest
 from detailed_maps import make_coarse, make_detailed, readings
 from scipy.stats import binomtest
 
-from mapping import DetailedMap, DetailSettings, HilbertMap, Lattice, MapSettings, average_precision
+from mapping import (
+    DetailedMap,
+    DetailSettings,
+    HilbertMap,
+    LabelledPoints,
+    Lattice,
+    MapSettings,
+    average_precision,
+)
 
 LOW_M, HIGH_M = (-0.06, -0.06, -0.08), (0.06, 0.06, 0.0)
 CENTRE_M, RADIUS_M = np.array([0.004, -0.003, -0.04]), 0.006
@@ -188,3 +196,50 @@ def test_a_doubt_of_zero_leaves_the_coarse_map_alone_where_no_tumour_is_near():
 def test_settings_out_of_range_are_refused(change, text):
     with pytest.raises(ValueError, match=text):
         DetailSettings(**change)
+
+
+def some_readings(n, *, seed=5):
+    """Readings about a tumour, each from elsewhere."""
+    rng, made = np.random.default_rng(seed), []
+    for _ in range(n):
+        points_m = CENTRE_M + rng.uniform(-0.012, 0.012, 3) + rng.uniform(-0.025, 0.025, (400, 3))
+        made.append(LabelledPoints(points_m, np.linalg.norm(points_m - CENTRE_M, axis=1) < RADIUS_M))
+    return made
+
+
+def test_readings_laid_at_once_make_the_map_that_they_make_one_after_the_other():
+    one_by_one, at_once = make_large_detailed(), make_large_detailed()
+    for reading in some_readings(6):
+        one_by_one.update(reading.points_m, reading.is_occupied)
+    at_once.lay_labels(some_readings(6))
+    for one, other in zip(one_by_one.state().items(), at_once.state().items(), strict=True):
+        assert one[0] == other[0]
+        np.testing.assert_array_equal(one[1], other[1])
+    mine, yours = one_by_one.predict_lattice(), at_once.predict_lattice()
+    np.testing.assert_array_equal(mine.score, yours.score)
+    np.testing.assert_array_equal(mine.latent_variance, yours.latent_variance)
+    # And what comes after them makes the same of both.
+    more = some_readings(2, seed=6)
+    for each in more:
+        for detailed in (one_by_one, at_once):
+            detailed.update(each.points_m, each.is_occupied)
+    np.testing.assert_array_equal(one_by_one.predict_lattice().score, at_once.predict_lattice().score)
+
+
+def test_labels_that_are_moved_decide_near_tumour_where_they_lie_now():
+    shift_m, detailed, still = np.array([0.0015, 0.0, 0.0]), make_large_detailed(), make_large_detailed()
+    before = some_readings(6)
+    for reading in before[:5]:
+        detailed.update(reading.points_m, reading.is_occupied)
+    for reading in before:
+        still.update(reading.points_m, reading.is_occupied)
+    # The last reading is new, and the coarse map learns it where it lies.
+    now = [*(each.at(each.points_m + shift_m) for each in before[:5]), before[5]]
+    detailed.lay_labels(now)
+    np.testing.assert_array_equal(detailed.coarse.belief.mean, still.coarse.belief.mean)
+    anew = make_large_detailed()
+    anew.lay_labels(now)
+    near = np.linalg.norm(detailed.query_points_m() - CENTRE_M - shift_m, axis=1) < 2.0 * RADIUS_M
+    moved, fresh, old = (each.predict_lattice().score[near] for each in (detailed, anew, still))
+    # A coarse map that is 1.5 mm off changes little there; labels that are as far off change much.
+    assert np.abs(moved - fresh).max() < 0.3 * np.abs(old - fresh).max()

@@ -15,9 +15,10 @@ from sim.world.motion.timing import PathTimer
 
 from ..positioner import ArmPositioner
 from ..setup import Setup
+from .encounter import Encounter
 from .force_motion import ForceMotion
 from .motion import JumpMotion, MotionModel
-from .organ_under_probe import BodyUnderProbe, PlannedOrgan, TrueBody
+from .organ_under_probe import BodyUnderProbe, PlannedOrgan
 from .path_motion import PathMotion
 from .servo_motion import ServoMotion
 from .travel import Travel
@@ -78,7 +79,7 @@ def _of_arm(
     return ForceMotion(servos, organ)
 
 
-def motion_on_body(motion_model: MotionModel, body: TrueBody) -> MotionModel | None:
+def motion_on_body(motion_model: MotionModel, body: Encounter) -> MotionModel | None:
     """The model that presses on a body by the servos of another; None where that has none.
 
     Args:

@@ -7,11 +7,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.body.true_place import TruePlace
 from sim.world.motion.beam_contact import MovingOrgan
-from sim.world.tissue.indentation import Indentation
 
-from ..yielding import Pressed, YieldingOrgan
+from ..yielding import Pressed
+from .encounter import Encounter
 
 Array = NDArray[np.float64]
 
@@ -97,25 +96,10 @@ class PlannedOrgan(OrganUnderProbe):
         """See `OrganUnderProbe.pressed`."""
 
 
-class TrueBody(Protocol):
-    """What the organ of an episode tells, and what it is told."""
-
-    place: TruePlace
-    yielding: YieldingOrgan | None
-    indentation: Indentation | None
-    time_s: float
-    sensed_s: float
-    pressed: Pressed
-
-    def T_world_rest_believed(self, inhaled_share: float) -> Array:
-        """Where it is believed to lie."""
-        ...
-
-
 class BodyUnderProbe(OrganUnderProbe):
     """The organ of an episode, which need not be where it was planned, breathes and yields."""
 
-    def __init__(self, body: TrueBody, stiffness_n_m: float, force_n: float) -> None:
+    def __init__(self, body: Encounter, stiffness_n_m: float, force_n: float) -> None:
         """Press on a body.
 
         Args:
@@ -143,7 +127,7 @@ class BodyUnderProbe(OrganUnderProbe):
 
     def T_world_rest_believed(self, time_s: float) -> Array:
         """See `OrganUnderProbe.T_world_rest_believed`."""
-        return self._body.T_world_rest_believed(self._body.place.inhaled_share(time_s))
+        return self._body.believed(self._body.place.inhaled_share(time_s))
 
     def wait_s(self, time_s: float) -> float:
         """See `OrganUnderProbe.wait_s`."""

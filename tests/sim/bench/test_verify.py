@@ -55,8 +55,19 @@ def test_a_result_that_the_poses_do_not_give_is_found(tampered, toys) -> None:
     assert fault.startswith("toy-map-v1, trial 1: n_false_findings is 17 there and ")
 
 
-def test_another_pose_is_found(tampered, toys) -> None:
-    path = tampered(lambda content: trial(content)["poses"].__setitem__(0, 5))
+@pytest.mark.parametrize(("by", "holds"), [(3e-5, True), (-3e-3, False)])
+def test_last_digits_of_another_processor_hold_and_are_told(tampered, toys, by, holds) -> None:
+    def change(content) -> None:
+        results = trial(content, task="toy-v1")["results"]
+        results["sensed_fraction"] += by
+
+    verdict = verify(tampered(change), tasks=toys)
+    assert verdict.n_near == holds
+    assert (verdict.faults == ()) is holds
+
+
+def test_other_poses_are_found(tampered, toys) -> None:
+    path = tampered(lambda content: trial(content).update(poses=[5, 300, 600]))
     (fault,) = verify(path, tasks=toys).faults
     assert fault.startswith("toy-map-v1, trial 1: ")
     assert "auprc" in fault

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from mapping import make_hilbert_map, teach
+from mapping import DetailSettings, average_precision, make_hilbert_map, teach
 from planner import make_planner
 from sim.episode.body_options import BodyOptions
 from sim.episode.episode import Episode
 from sim.episode.moving.motion import Phase
+from sim.episode.yielding import RawReading
 from sim.world.body.contact import face_at_m
 from sim.world.body.settings import BodySettings
 from sim.world.errors import WorldError
@@ -94,7 +95,23 @@ def test_a_gated_probe_waits_and_the_time_counts(sphere_setup) -> None:
     run = episode(sphere_setup, registration="none", breathing_m=0.01, is_gated=True)
     steps = list(run.steps(5))
     assert any(step.motion.phases[-1] == Phase.HOLD for step in steps)
-    assert run.body.time_s == pytest.approx(sum(step.procedure_s for step in steps))
+
+
+@pytest.mark.parametrize("is_gated", [False, True])
+def test_the_probe_senses_when_its_motion_has_ended(sphere_setup, is_gated) -> None:
+    """The way down counts: the organ breathes meanwhile, and the tip is on its surface where that is in the end."""
+    run = episode(sphere_setup, breathing_m=0.02, is_gated=is_gated, **OFF)
+    surface, before_s = surface_distance_of(sphere_setup.organ), 0.0
+    for step in run.steps(5):
+        # The time of contact is found to a millisecond, in which the organ moves by up to 0.03 mm.
+        assert run.body.sensed_s == pytest.approx(before_s + step.motion.motion_s, abs=0.002)
+        assert run.body.encounter.places_during(step.motion)[-1] == pytest.approx(run.body.T_world_rest)
+        T_rest_probe = run.body.state().T_world_probe
+        tip_m = rigid_inverse(run.body.T_world_rest) @ np.append(step.motion.tips_m[-1], 1.0)
+        assert T_rest_probe[:3, 3] == pytest.approx(tip_m[:3], abs=1e-6)
+        face_m = face_at_m(T_rest_probe, FACE_M)
+        assert abs(surface.signed_distance_m(face_m).min()) < 1e-5
+        before_s += step.procedure_s
 
 
 def test_a_pose_without_contact_is_skipped_with_its_reason(sphere_setup) -> None:
@@ -124,6 +141,32 @@ def test_the_same_seed_gives_the_same_body(sphere_setup) -> None:
         np.testing.assert_array_equal(one.reading.points_m, other.reading.points_m)
     noisy = BodySettings(tracking_m=0.003, **OFF)
     assert replace(noisy, tracking_m=0.0) == BodySettings(**OFF)
+
+
+def test_small_moves_of_the_belief_leave_the_coarse_map_and_large_ones_do_not(sphere_setup) -> None:
+    body = BodyOptions(settings=BodySettings(registration_m=0.008))
+    run = Episode(sphere_setup, make_planner("random"), seed=2, detail=DetailSettings(), body=body)
+    for _ in run.steps(3):
+        pass
+    belief, way_m = run.body.belief, np.array([0.0, 0.0, -0.0012])
+    belief.covariance = belief.covariance * 1e-9
+    # There and back, so that all lies where it is believed.
+    for much_m in (-0.005, 0.005):
+        belief.mean[5] += much_m
+        run._learn(run.readings[-1])
+    coarse, before = run.tumour_map.coarse, run.readings
+    for n_moves, is_new in ((1, False), (2, True), (3, False)):
+        belief.mean[3:6] -= way_m
+        run._learn(run.readings[-1])
+        for was, now, mine in zip(before, run.readings, run.tumour_map._readings, strict=True):
+            np.testing.assert_allclose(now.points_m, was.points_m + n_moves * way_m, atol=1e-9)
+            np.testing.assert_array_equal(mine.points_m, now.points_m)
+        assert (run.tumour_map.coarse is not coarse) == is_new
+        coarse = run.tumour_map.coarse
+        # The second move took all 2.4 mm; the third leaves what that laid.
+        n_laid = 0 if n_moves == 1 else 2
+        for was, held in zip(before, coarse.belief.held, strict=True):
+            np.testing.assert_allclose(held.points_m, was.points_m + n_laid * way_m, atol=1e-9)
 
 
 def elastic(setup, *, registration="contacts", seed=0, press_n=0.5, **settings) -> Episode:
@@ -174,14 +217,48 @@ def test_contacts_are_released_again_where_the_belief_has_moved(sphere_setup) ->
     assert scores[-1].registration_error_m < 2.5 * scores[-1].registration_deviation_m
 
 
+def test_a_press_is_kept_while_the_belief_hardly_moves_and_follows_it_when_it_does(sphere_setup) -> None:
+    run = elastic(sphere_setup, registration_m=0.008)
+    for _ in run.steps(2):
+        pass
+    raw, organ, T = run.body._raw[0], run.body.yielding, run.body.T_world_rest_believed(0.0)
+    kept_m, _, depth_m = raw.released(organ, T)
+    worked_out: list[float] = []
+    undone = organ.undone
+
+    def counted(*arguments, **more):
+        worked_out.append(1.0)
+        return undone(*arguments, **more)
+
+    organ.undone = counted
+    near, far = T.copy(), T.copy()
+    near[:3, 3] += 0.0005
+    far[:3, 3] += 0.004
+    assert raw.released(organ, near)[2] == depth_m
+    assert not worked_out
+    moved_m, _, moved_depth_m = raw.released(organ, far)
+    assert worked_out == [1.0]
+    # As if the press had never been worked out elsewhere: the depth before is only where the search begins.
+    afresh_m, _, afresh_depth_m = RawReading(raw.T_world_probe, raw.points_m, raw.share).released(organ, far)
+    assert moved_depth_m == pytest.approx(afresh_depth_m, abs=0.0003)
+    assert np.abs(moved_m - afresh_m).max() < 0.0005
+    assert np.abs(moved_m - kept_m).max() > 0.0
+
+
 def test_a_second_class_moves_with_the_organ(sphere_setup) -> None:
     middle_m = sphere_setup.search_points_m[sphere_setup.surface_distance_m.argmax()]
     cyst = Solid.from_trimesh(
         trimesh.creation.icosphere(subdivisions=2, radius=0.03).apply_translation(middle_m)
     )
     run = episode(replace(sphere_setup, given_targets=(cyst,), target_names=("cyst",)), **OFF)
-    for _ in run.steps(6):
-        pass
+    for step in run.steps(6):
+        # It is scored by the readings where they lie now, also where they were just laid anew.
+        score = run.target.prediction.score
+        assert step.target.auprc == average_precision(score, run.target.truth.is_target)
+        fresh = run._new_map()
+        for reading in run.target.readings:
+            fresh.update(reading.points_m, reading.is_occupied)
+        np.testing.assert_allclose(fresh.predict_lattice().score, score, atol=1e-6)
     assert any(reading.is_occupied.any() for reading in run.target.readings)
     for own, reading in zip(run.target.readings, run.readings, strict=True):
         np.testing.assert_array_equal(own.points_m, reading.points_m)

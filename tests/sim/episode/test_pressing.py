@@ -102,7 +102,7 @@ def test_a_probe_follows_an_organ_that_breathes_with_its_force(sphere_arm_setup)
         touched_m = tip_m - step.motion.contact_force_n / K_N_M * beam
         assert abs(surface.signed_distance_m(touched_m[None])[0]) < 6e-4
     assert max(shares) > 0.1
-    assert run.body.time_s == pytest.approx(run.body._began_s)
+    assert run.body.encounter.time_s == pytest.approx(run.body.encounter._began_s)
 
 
 def test_a_gated_probe_senses_while_the_organ_rests(sphere_arm_setup) -> None:

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,16 @@ import pytest
 import sounding
 from sim.errors import FieldError
 from sim.findings.account import read_account
+from sim.record.poses import read_poses
+from sim.record.recording import read_recording
+from sim.record.run_record import load_run
+from sim.report.arm_parts import arm_parts, body_poses, body_ways
 from sim.running.fields import config_of
 from sim.running.parts import check_config, make_parts
+from sim.viewing.replay import replay_table
+from sim.viewing.video import VideoSettings, _pictures
+from sim.world.frames import quaternion_matrix
+from sim.world.solids.surface_distance import surface_distance_of
 
 FREE = {"scenario": "sphere", "arm": "none", "motion": "none", "planner": "random"}
 SERVO = {"arm": "default", "motion": "servo"}
@@ -111,6 +120,70 @@ def test_the_belief_is_kept_with_the_way_to_the_patients_files(run) -> None:
     )
     assert np.array(body["covariance"]).shape == (9, 9)
     assert np.linalg.norm(np.array(body["T_world_rest_true"])[:3, 3]) > 0.0
+
+
+def test_a_folder_tells_where_the_organ_truly_was_at_every_state(run) -> None:
+    """Whoever draws the run has organ, tip and tumours where they were: the tip on the surface of the organ."""
+    folder, summary = run
+    record, recording = load_run(folder), read_recording(folder)
+    surface = surface_distance_of(record.anatomy.organ)
+    body = json.loads((folder / "body.json").read_text())
+    for row, step in enumerate(recording.motions):
+        np.testing.assert_allclose(recording.T_world_rest_sensed(step), body["T_world_rest_true"], atol=1e-12)
+        tip_m = recording.tips_rest_m(step)[-1]
+        # Some point of the face touches; its middle is off the organ by as much as that is curved under it.
+        assert -1e-5 < surface.signed_distance_m(tip_m[None])[0] < 1e-3
+        np.testing.assert_allclose(record.T_world_probe[row, :3, 3], tip_m, atol=1e-9)
+    # Who knows where the probe truly was finds the share that was sensed, which the belief of the moment does not.
+    assert record.is_seen().any(axis=0).mean() == pytest.approx(summary["sensed_fraction"], abs=1e-9)
+    believed = read_poses(folder)[1]
+    assert np.linalg.norm(believed[0, :3, 3] - record.T_world_probe[0, :3, 3]) > 0.001
+
+
+def test_a_report_draws_the_probe_where_it_truly_stood_in_the_organ(run) -> None:
+    folder, _ = run
+    recording = read_recording(folder)
+    surface = surface_distance_of(recording.scene.anatomy.organ)
+    names = list(dict.fromkeys(name for name, *_ in arm_parts(recording)))
+    poses, ways = body_poses(recording, names), body_ways(recording, names, 3)
+    tip_m = recording.scene.model.site(recording.scene.tip_site).pos
+    for pose, way in zip(poses[1:], ways, strict=True):
+        np.testing.assert_allclose(pose, way[-1], atol=1e-6)
+        place_m = pose[0, :3] + quaternion_matrix(pose[0, 3:]) @ tip_m
+        assert -1e-5 < surface.signed_distance_m(place_m[None])[0] < 1e-3
+
+
+def test_a_run_of_an_organ_that_lies_as_planned_keeps_no_places(tmp_path) -> None:
+    sounding.run_episode(**FREE, steps=2, out=str(tmp_path / "run"), show_progress=False)
+    recording = read_recording(tmp_path / "run")
+    assert not recording.places
+    np.testing.assert_array_equal(recording.T_world_rest_at(1.0), np.eye(4))
+    with np.load(tmp_path / "run" / "motion" / "00001.npz") as arrays:
+        assert sorted(arrays.files) == ["phases", "states", "time_s", "tips_m"]
+
+
+def test_a_replay_measures_from_where_the_poses_truly_lay(run) -> None:
+    folder, _ = run
+    recording, T = (
+        read_recording(folder),
+        np.array(json.loads((folder / "body.json").read_text())["T_world_rest_true"]),
+    )
+    told_mm = [float(line.split()[4]) for line in replay_table(recording).splitlines()[1:-1]]
+    poses_m = recording.sensed_m @ T[:3, :3].T + T[:3, 3]
+    tips_m = np.array([motion.tips_m[-1] for motion in recording.motions.values()])
+    np.testing.assert_allclose(told_mm, 1e3 * np.linalg.norm(tips_m - poses_m, axis=1), atol=0.001)
+
+
+def test_a_video_draws_the_organ_where_it_truly_was(run) -> None:
+    """The same states with the organ as planned give another picture, and the same picture twice."""
+    recording = read_recording(run[0])
+    settings, n = VideoSettings(width_px=320, height_px=240), 1
+    true, planned = (
+        next(_pictures(each, settings, n)).astype(int) for each in (recording, replace(recording, places={}))
+    )
+    assert (np.abs(true - planned).max(axis=2) > 40).mean() > 0.002
+    still = next(_pictures(replace(recording, places={}), settings, n))
+    np.testing.assert_array_equal(still, planned)
 
 
 def test_a_run_from_its_config_has_the_same_body(run, tmp_path) -> None:

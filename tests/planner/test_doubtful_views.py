@@ -10,7 +10,8 @@ from scipy.special import logit
 from mapping import LabelledPoints
 from planner import FindAndOutline
 from planner.find_and_outline.frontier import unconfirmed_points
-from planner.find_and_outline.hidden_balls import BallPrior, hidden_balls, still_hiding
+from planner.find_and_outline.hidden_balls import BallPrior, hidden_balls
+from planner.find_and_outline.still_hiding import still_hiding
 from tests.helpers.planner_situations import box_points, flat_workspace, make_situation
 
 PLACE_M = np.array([0.0, 0.0, -0.05])

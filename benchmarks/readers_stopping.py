@@ -5,7 +5,8 @@
 Episodes of find-and-outline with a free probe and learnt rates, which end at a confidence of 95 per cent or after
 `--readings`. One has stopped too early if it ended by confidence and the map calls nothing of a lesion of 16 mm or
 more that can be seen: of smaller ones the confidence says nothing, and they are counted besides. The second table has
-what was stated at every tenth action against the share of these statements at which nothing of that size was left.
+what was stated at every tenth action against the share of these statements at which nothing of that size was left; the
+interval counts each seed once at most.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from tqdm import tqdm
 from benchmarks.readers import ERRORS, Reader, lesions_of, setup_of
 from mapping import DetailSettings, TrustSettings, average_precision, dice
 from planner import make_planner
+from sim.comparison.estimates import share_interval
+from sim.comparison.texts import interval_text
 from sim.episode.episode import Episode
 from sim.tables import markdown_table
 from sim.world.sensing.errors.erring_sensor import ErringSensor
@@ -97,9 +100,18 @@ def stated_rows(runs: list[dict[str, Any]]) -> list[list[str]]:
     for low, high in pairwise(_BINS):
         held = (stated >= low) & ((stated < high) | (high == 1.0))
         if held.any():
-            share = [f"{stated[held].mean():.3f}", f"{true[held].mean():.3f}"]
-            rows.append([f"{low:g} to {high:g}", str(int(held.sum())), *share])
+            n, mean = min(int(held.sum()), len(runs)), float(true[held].mean())
+            told = f"{mean:.3f} {interval_text(share_interval(mean, n), '{:.2f}')}"
+            rows.append([f"{low:g} to {high:g}", str(int(held.sum())), f"{stated[held].mean():.3f}", told])
     return rows
+
+
+def _count(is_so: list[bool]) -> str:
+    """How many are so of how many, with Wilson's interval of the share."""
+    if not is_so:
+        return "-"
+    interval = share_interval(float(np.mean(is_so)), len(is_so))
+    return f"{sum(is_so)} of {len(is_so)} {interval_text(interval, '{:.2f}')}"
 
 
 def main(options: Options) -> None:
@@ -115,7 +127,7 @@ def main(options: Options) -> None:
         f"{np.mean([each[key] for each in stopped]):{form}}" if stopped else "-"
         for key, form in (("n_steps", ".1f"), ("auprc", ".3f"), ("dice", ".3f"))
     )
-    early, small = (sum(each[key] > 0 for each in stopped) for key in ("n_missed", "n_missed_small"))
+    early, small = (_count([each[key] > 0 for each in stopped]) for key in ("n_missed", "n_missed_small"))
     head = [
         f"{options.scenario}, {options.reader}",
         "seeds",
@@ -126,8 +138,7 @@ def main(options: Options) -> None:
         "too early",
         "missed smaller ones",
     ]
-    n = len(stopped)
-    row = ["", str(len(runs)), str(n), actions, auprc, overlap, f"{early} of {n}", f"{small} of {n}"]
+    row = ["", str(len(runs)), str(len(stopped)), actions, auprc, overlap, early, small]
     print("\n" + markdown_table(head, [row]))
     print("\n" + markdown_table(["stated", "statements", "mean", "true"], stated_rows(runs)))
 

@@ -205,7 +205,7 @@ class FindAndOutline(Planner):
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = _probability(lattice, situation)
-        suspected = suspects(situation, self.margin_m)
+        suspected = suspects(situation, lattice.points_m[probability > 0.5], self.margin_m)
         likely_m = np.concatenate([_likely_tumour_m(lattice, probability, situation), suspected.points_m])
         around = lattice.near(likely_m, self.margin_m)
         points_m = lattice.points_m[around]

@@ -49,6 +49,8 @@ class Situation:
     not reach; None where nobody can say, as before the first action."""
     miss_cost: float | None = None
     """How many sensing actions a missed lesion is worth; None where nobody says."""
+    until_confident: float | None = None
+    """The confidence that nothing is left at which the episode is to stop; None where it does not stop by that."""
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s]."""
     draw_map: Callable[[np.random.Generator], NDArray[np.float64]] | None = None

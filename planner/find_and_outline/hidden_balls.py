@@ -8,7 +8,6 @@ and the next pose of a search is the one that finds most of the balls that no po
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import KDTree
-
-from mapping import LabelledPoints
 
 from ..cone import Cone
 from ..keyed_array import KeyedArray
@@ -27,8 +24,6 @@ _BALLS_AT_ONCE = 128
 """Balls per block of the dense table."""
 _BYTES_AT_ONCE = 2**19
 """Size of a part of a block, so that what is computed with it stays in the processor's cache."""
-_READINGS_TOGETHER = 8
-"""Readings that are looked up in one go, and whose result is kept as one."""
 _SPACINGS_TO_A_POINT = 1.0
 """A drawn centre that is farther from all search points than this many of their spacings lies outside the organ."""
 
@@ -94,84 +89,6 @@ def hidden_balls(
     """
     distance = None if surface_distance_m is None else KeyedArray(surface_distance_m)
     return _hidden_balls(workspace, cone, KeyedArray(points_m), distance, prior)
-
-
-def still_hiding(
-    balls: HiddenBalls,
-    readings: Sequence[LabelledPoints],
-    false_negative_rate: float,
-    false_positive_rate: float = 0.0,
-) -> NDArray[np.float64]:
-    """The weight of each ball in the light of the readings, shape (B,).
-
-    Points inside a tumour are called tumour, so each point in a ball that was called free multiplies the ball's weight
-    by the rate of such false labels. A ball that holds a point believed to be tumour is not hidden, and weighs nothing.
-
-    Args:
-        balls: The balls.
-        readings: What each sensing action returned.
-        false_negative_rate: Share of tumour points that the sensor is believed to call free.
-        false_positive_rate: Share of free points that the sensor is believed to call tumour.
-    """
-    weights = balls.weights.astype(np.float64)
-    for start in range(0, len(readings), _READINGS_TOGETHER):
-        some = tuple(readings[start : start + _READINGS_TOGETHER])
-        weights *= _left_by(balls, some, false_negative_rate, false_positive_rate)
-    return weights
-
-
-@lru_cache(maxsize=512)
-def _left_by(
-    balls: HiddenBalls,
-    readings: tuple[LabelledPoints, ...],
-    false_negative_rate: float,
-    false_positive_rate: float,
-) -> NDArray[np.float64]:
-    """The share that some readings leave of each ball's weight, shape (B,); kept, since every action needs it again."""
-    left = np.ones(len(balls.radii_m))
-    tumour_m = [reading.believed_tumour_m(false_positive_rate) for reading in readings]
-    if any(reading.log_odds is not None for reading in readings):
-        return _left_by_doubtful(balls, readings, np.concatenate(tumour_m), false_negative_rate)
-    free_m = [reading.points_m[~reading.is_occupied] for reading in readings]
-    for points_m, rate in ((np.concatenate(tumour_m), 0.0), (np.concatenate(free_m), false_negative_rate)):
-        if len(points_m):
-            # Quick to build, since it answers one query.
-            tree = KDTree(points_m, balanced_tree=False, compact_nodes=False)
-            left *= rate ** tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True)
-    return left
-
-
-def _left_by_doubtful(
-    balls: HiddenBalls,
-    readings: tuple[LabelledPoints, ...],
-    believed_m: NDArray[np.float64],
-    false_negative_rate: float,
-) -> NDArray[np.float64]:
-    """The share that readings leave of each ball's weight where labels say how far they can be believed, shape (B,).
-
-    Free labels with log odds L_n that count for w_n labels leave exp(sum_n w_n L_n).
-
-    Args:
-        balls: The balls.
-        readings: The readings.
-        believed_m: Labels of tumour that can be believed [m], shape (T, 3).
-        false_negative_rate: The same for labels of readings that do not say, as exp(L).
-    """
-    left = np.ones(len(balls.radii_m))
-    with np.errstate(divide="ignore"):
-        unsaid = np.log(false_negative_rate)
-    for reading in readings:
-        free = np.flatnonzero(~reading.is_occupied)
-        if free.size:
-            said = np.full(free.size, unsaid) if reading.log_odds is None else reading.log_odds[free]
-            said = said if reading.weight is None else reading.weight[free] * said
-            tree = KDTree(reading.points_m[free], balanced_tree=False, compact_nodes=False)
-            held = tree.query_ball_point(balls.centres_m, balls.radii_m)
-            left *= np.exp([said[each].sum() for each in held])
-    if len(believed_m):
-        tree = KDTree(believed_m)
-        left[tree.query_ball_point(balls.centres_m, balls.radii_m, return_length=True) > 0] = 0.0
-    return left
 
 
 @lru_cache(maxsize=4)

@@ -10,12 +10,16 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping import Prediction
-
 from ..errors import PlannerError
 from ..planner import Planner
 from ..situation import Situation
-from ..stopping.confidence import SURE_RADIUS_RATIO, chance_of_none_left, share_known_free
+from ..stopping.confidence import (
+    balls_in_question,
+    certainty_score,
+    chance_of_none_left,
+    seeks_certainty,
+    share_known_free,
+)
 from ..stopping.expectation import is_worth_searching, what_is_left
 from ..stopping.lesion_count import label_spacing_m, n_lesions
 from ..stopping.lesion_prior import LesionPrior
@@ -153,7 +157,7 @@ class FindAndOutline(Planner):
             score = V search + outline + rim,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
 
         An outline below `least_gain_m3` counts as none. What is in doubt at rims counts where views may be wrong, see
-        `rim_score`.
+        `rim_score`, but not where an episode seeks to be sure.
 
         Args:
             situation: What is known so far.
@@ -163,19 +167,26 @@ class FindAndOutline(Planner):
             return self.hidden_m3 * share
         outlined_m3 = self.outline_score(situation)
         hidden_m3 = self.hidden_m3 + self.hidden_ratio * _likely_m3(situation)
+        found_m3 = hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
+        if self._seeks_certainty(situation):
+            return found_m3
         lattice = fine_lattice(situation.search_points_m)
-        rim_m3 = rim_score(situation, lattice, _probability(lattice, situation))
-        return hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0) + rim_m3
+        return found_m3 + rim_score(situation, lattice, _probability(lattice, situation))
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
         """The share of what could still hide that each pose would find, shape (N,).
 
             search = sum over balls b that the pose finds of  w_b fading^(times b was found)
 
+        An episode that seeks to be sure searches for what keeps it from that, see `stopping.confidence`.
+
         Args:
             situation: What is known so far.
         """
-        balls = self._hidden(situation)
+        if self._seeks_certainty(situation):
+            return certainty_score(self._in_question(situation), situation)
+        workspace, points_m = situation.workspace, situation.search_points_m
+        balls = hidden_balls(workspace, situation.cone, points_m, situation.surface_distance_m, self.balls)
         fading = max(self.fading, situation.missed_rate)
         left = balls.weights * fading ** balls.times_found(situation.sensed)
         return balls.newly_found(left.astype(np.float32)).astype(np.float64)
@@ -194,7 +205,7 @@ class FindAndOutline(Planner):
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
         probability = _probability(lattice, situation)
-        suspected = suspects(situation, self.margin_m)
+        suspected = suspects(situation, lattice.points_m[probability > 0.5], self.margin_m)
         likely_m = np.concatenate([_likely_tumour_m(lattice, probability, situation), suspected.points_m])
         around = lattice.near(likely_m, self.margin_m)
         points_m = lattice.points_m[around]
@@ -217,9 +228,7 @@ class FindAndOutline(Planner):
         """
         if not situation.sensed or self._is_worth_outlining(self.outline_score(situation), situation):
             return 0.0
-        range_m = (self.sure_radius_m, SURE_RADIUS_RATIO * self.sure_radius_m)
-        prior = replace(self.balls, radius_range_m=range_m, overlap_share=0.5, radius_power=0.0)
-        share = share_known_free(self._hidden(situation, prior), situation)
+        share = share_known_free(self._in_question(situation), situation)
         return chance_of_none_left(self._n_found(situation), share)
 
     def is_worth_going_on(self, situation: Situation) -> bool:
@@ -249,14 +258,12 @@ class FindAndOutline(Planner):
         spacing_m = max(lattice.cell_m3 ** (1.0 / 3.0), labels_m)
         return n_lesions(tumour_m, np.concatenate([np.empty((0, 3)), *free_m]), spacing_m)
 
-    def _hidden(self, situation: Situation, prior: BallPrior | None = None) -> HiddenBalls:
-        return hidden_balls(
-            situation.workspace,
-            situation.cone,
-            situation.search_points_m,
-            situation.surface_distance_m,
-            prior or self.balls,
-        )
+    def _seeks_certainty(self, situation: Situation) -> bool:
+        """Whether the search goes after what keeps the episode from stopping."""
+        return seeks_certainty(situation, self.balls, self.sure_radius_m)
+
+    def _in_question(self, situation: Situation) -> HiddenBalls:
+        return balls_in_question(situation, self.balls, self.sure_radius_m)
 
 
 def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
@@ -265,18 +272,14 @@ def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
         score[situation.workspace.within(failed, _FAILURE_RADIUS_M)] *= _AFTER_FAILURE
 
 
-def _prediction(situation: Situation) -> Prediction:
-    return situation.belief("find-and-outline")
-
-
 def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:
-    return probability_at(lattice, _prediction(situation))
+    return probability_at(lattice, situation.belief("find-and-outline"))
 
 
 def _likely_m3(situation: Situation) -> float:
     """The volume in which the map takes tumour to be likelier than not [m^3]."""
     lattice = fine_lattice(situation.search_points_m)
-    share = float(np.mean(_prediction(situation).score > 0.0))
+    share = float(np.mean(situation.belief("find-and-outline").score > 0.0))
     return share * lattice.cell_m3 * len(lattice.points_m)
 
 

@@ -24,8 +24,12 @@ _PRIOR = 0.02
 _DROPPED, _CONFIRMED = 0.1, 0.99
 """Below the first probability a suspect is dropped: two views that miss a lesion as often as readers do outvote one
 that saw it. Above the second it is confirmed: that takes two views."""
-_ENOUGH_VIEWS = 4
-"""What this many views spoke of, and did not decide, is no suspect any more."""
+_LIKELY, _ENOUGH_VIEWS, _MOST_VIEWS = 0.5, 4, 8
+"""What so many views spoke of, and did not decide, is no suspect any more: the first number where it is unlikely, the
+second where it is likely. A lesion that two of four views missed would be given up otherwise."""
+_AGREES_M = 0.0045
+"""The map agrees with a vote where a place this near is likely [m]: the largest spacing of the places that it is asked
+about."""
 _REACH_M = 0.003
 """A suspect stands for the places this near to it [m]: half the diagonal of the cube below."""
 _CUBE_M = 0.004
@@ -52,13 +56,16 @@ class Suspects:
         return chance
 
 
-def suspects(situation: Situation, margin_m: float) -> Suspects:
+def suspects(situation: Situation, likely_m: NDArray[np.float64], margin_m: float) -> Suspects:
     """What is suspected; nothing where views miss nothing.
 
-    Labels of tumour that can be believed are suspects where the votes have not decided and no confirmed place is near.
+    Labels of tumour that can be believed are suspects where votes and map have not decided and no confirmed place is
+    near. A place is confirmed where the votes are sure and the map takes it, too, for likelier tumour than not: it may
+    drown what two views that graze a lesion saw in what two others missed.
 
     Args:
         situation: What is known so far.
+        likely_m: The places that the map takes for likelier tumour than not [m], shape (P, 3).
         margin_m: What counts as near [m].
     """
     called_m = [
@@ -69,12 +76,22 @@ def suspects(situation: Situation, margin_m: float) -> Suspects:
     points_m = _thinned(np.concatenate(called_m))
     log_odds, n_views = votes(points_m, situation.readings, _PRIOR)
     probability = expit(log_odds)
-    is_suspect = (probability > _DROPPED) & (probability < _CONFIRMED) & (n_views < _ENOUGH_VIEWS)
-    confirmed_m, suspect = points_m[probability >= _CONFIRMED], np.flatnonzero(is_suspect)
-    if len(confirmed_m) and suspect.size:
-        gap_m, _ = KDTree(confirmed_m).query(points_m[suspect], distance_upper_bound=margin_m)
-        suspect = suspect[~np.isfinite(gap_m)]
+    n_enough = np.where(probability > _LIKELY, _MOST_VIEWS, _ENOUGH_VIEWS)
+    is_confirmed = (probability >= _CONFIRMED) & _is_near(points_m, likely_m, _AGREES_M)
+    is_suspect = (probability > _DROPPED) & ~is_confirmed & (n_views < n_enough)
+    confirmed_m, suspect = points_m[is_confirmed], np.flatnonzero(is_suspect)
+    suspect = suspect[~_is_near(points_m[suspect], confirmed_m, margin_m)]
     return Suspects(points_m[suspect], probability[suspect])
+
+
+def _is_near(
+    points_m: NDArray[np.float64], others_m: NDArray[np.float64], reach_m: float
+) -> NDArray[np.bool_]:
+    """Which points have one of the others within a reach, shape (N,)."""
+    if not len(points_m) or not len(others_m):
+        return np.zeros(len(points_m), dtype=bool)
+    gap_m, _ = KDTree(others_m).query(points_m, distance_upper_bound=reach_m)
+    return np.isfinite(gap_m)
 
 
 def _thinned(points_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..find_and_outline.hidden_balls import still_hiding
+from ..find_and_outline.still_hiding import still_hiding
 from ..situation import Situation
 from .hidden_lesions import HiddenLesions, hidden_lesions
 from .lesion_count import labels_per_m3

@@ -121,6 +121,7 @@ class Episode:
         self.ended_by: Ending | None = None
         self._confidence: dict[tuple[int, int], float] = {}
         self._miss_cost: float | None = None
+        self._until_confident: float | None = None
 
     @property
     def notices(self) -> tuple[str, ...]:
@@ -145,7 +146,7 @@ class Episode:
             miss_cost: How many actions a missed lesion is worth; it stops where more are not worth it. None for never.
             on_skipped: Called whenever a pose is out of reach, with how many in a row are.
         """
-        self._miss_cost = miss_cost
+        self._miss_cost, self._until_confident = miss_cost, until_confident
         self._predict()
         for number in range(1, n_steps + 1):
             step = self._sense_once(number, on_skipped)
@@ -238,6 +239,7 @@ class Episode:
             skipped=frozenset(self.skipped),
             motion_s=partial(travel.seconds, self.sensed[-1]) if travel is not None and self.sensed else None,
             miss_cost=self._miss_cost,
+            until_confident=self._until_confident,
             sensing_s=self._sensing_s,
             draw_map=draws_of(self._planned_for.tumour_map),
             rng=self._planner_rng,

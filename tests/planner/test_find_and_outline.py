@@ -15,7 +15,8 @@ from mapping import LabelledPoints
 from planner import FindAndOutline, PlannerError, Workspace
 from planner.find_and_outline.fine_lattice import fine_lattice
 from planner.find_and_outline.frontier import seen_weight
-from planner.find_and_outline.hidden_balls import distance_to_cones, hidden_balls, still_hiding
+from planner.find_and_outline.hidden_balls import distance_to_cones, hidden_balls
+from planner.find_and_outline.still_hiding import still_hiding
 from planner.find_and_outline.tour import shortest_tour
 
 # --- search ---

@@ -10,7 +10,7 @@ from scipy.stats import nbinom
 from searched import CONE, PLANNER, blob, play, seen_free, situation
 
 from planner import FindAndOutline, LesionPrior, PlannerError
-from planner.find_and_outline.hidden_balls import still_hiding
+from planner.find_and_outline.still_hiding import still_hiding
 from planner.stopping.expectation import is_worth_searching, what_is_left
 from planner.stopping.hidden_lesions import hidden_lesions
 from planner.stopping.lesion_count import labels_per_m3, n_lesions

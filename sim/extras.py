@@ -43,6 +43,7 @@ EXTRAS = {
     "ray": Extra("ray", "ray", "campaigns on Ray (`sounding trials --engine ray`)"),
     "ultrasound": Extra("numba", "numba", "ultrasound (`--sensor ultrasound`, `sounding image`)"),
     "gym": Extra("gymnasium", "gymnasium", "the environments for learning (`sim.gym`)"),
+    "igtl": Extra("pyigtl", "pyigtl", "OpenIGTLink, as 3D Slicer speaks it (`sounding serve`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"
     ),

@@ -60,6 +60,8 @@ WITHIN = {
     "sim.bound.check": "sim.bound",
     "sim.cli.studies": "sim.cli",
     "sim.cli.sensing": "sim.cli",
+    "sim.cli.live": "sim.cli",
+    "sim.running.live": "sim.running",
     "sim.world.anatomy.given": "sim.world.anatomy",
     "sim.episode.moving": "sim.episode",
     "sim.episode.planned": "sim.episode",

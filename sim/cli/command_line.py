@@ -24,6 +24,7 @@ COMMANDS = {
     "bound": "studies.bound",
     "bench": "studies.bench",
     "compare": "compare",
+    "serve": "live.serve",
     "reach": "reach",
     "ik": "ik",
     "image": "sensing.image",

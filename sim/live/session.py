@@ -146,9 +146,11 @@ class Session:
             RefusedError: There is no such pose, or it was declined before.
         """
         if not 0 <= pose < self.organ.workspace.n_poses:
-            raise RefusedError(f"pose {pose}: the poses are 0 .. {self.organ.workspace.n_poses - 1}")
+            raise RefusedError(
+                "unusable", f"pose {pose}: the poses are 0 .. {self.organ.workspace.n_poses - 1}"
+            )
         if pose in self.declined:
-            raise RefusedError(f"pose {pose}: was declined before")
+            raise RefusedError("unusable", f"pose {pose}: was declined before")
         self._keep(Event.of_refusal(len(self.sensed) + len(self.declined) + 1, pose, reason, self._rng))
 
     def situation(self) -> Situation:
@@ -226,15 +228,18 @@ class Session:
     def _pose_of(self, reading: Reading) -> int:
         """The pose that a reading was taken from."""
         if not len(reading.points_m):
-            raise RefusedError("the reading holds no point in the organ, so that it tells nothing")
+            raise RefusedError(
+                "unusable", "the reading holds no point in the organ, so that it tells nothing"
+            )
         _check_finite(("points", reading.points_m), ("pose", reading.T_world_probe))
         T, workspace = reading.T_world_probe, self.organ.workspace
         distance_m = np.linalg.norm(workspace.positions_m - T[:3, 3], axis=1)
         nearest = int(np.argmin(distance_m))
         if distance_m[nearest] > FARTHEST_TIP_M:
             raise RefusedError(
+                "wrong frame",
                 f"the tip is {distance_m[nearest] * 1e3:.0f} mm from the nearest pose, at most "
-                f"{FARTHEST_TIP_M * 1e3:.0f} are sensed from; is its frame that of the organ?"
+                f"{FARTHEST_TIP_M * 1e3:.0f} are sensed from; is its frame that of the organ?",
             )
         wanted = self._proposal.pose_index if self._proposal is not None else None
         if wanted is None or distance_m[wanted] > SAME_POSE_M:
@@ -250,4 +255,4 @@ class Session:
 def _check_finite(*named: tuple[str, NDArray[np.float64]]) -> None:
     for name, values in named:
         if not np.isfinite(values).all():
-            raise RefusedError(f"the {name} of the reading hold a value that is not finite")
+            raise RefusedError("malformed", f"the {name} of the reading hold a value that is not finite")

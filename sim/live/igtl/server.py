@@ -12,11 +12,12 @@ from time import monotonic
 from sim.closeable import Closeable
 from sim.errors import FieldError
 
+from ..address import IGTL_PORT
 from ..errors import RefusedError
 from .wire import LostStreamError, RawMessage, WireSettings, receive
 
-LOOPBACK, PORT = "127.0.0.1", 18944
-"""OpenIGTLink's own port; nobody but this machine is listened to."""
+LOOPBACK = "127.0.0.1"
+"""Nobody but this machine is listened to."""
 MOST_CLIENTS = 16
 POLL_S = 0.2
 """How often a thread that waits looks whether it should end [s]."""
@@ -85,7 +86,7 @@ class IgtlServer(Closeable):
         on_refused: Callable[[RefusedError], None],
         *,
         host: str = LOOPBACK,
-        port: int = PORT,
+        port: int = IGTL_PORT,
         settings: WireSettings | None = None,
     ) -> None:
         """Listen, from now on.

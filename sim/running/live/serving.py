@@ -24,7 +24,7 @@ from sim.running.parts import EpisodeParts, make_parts
 if TYPE_CHECKING:
     from sim.episode.setup import Setup
 
-NOT_OF_A_SESSION = ("steps", "frames", "report", "keep_images", "rock_views", "overwrite")
+NOT_OF_A_SESSION = ("steps", "frames", "report", "keep_images", "rock_views")
 """Fields of an episode that a session has no use for, so that they do not decide whether it goes on."""
 
 

@@ -1,12 +1,17 @@
 """`sounding serve`: an independent client in another process, a kill in the middle, and a simulated probe."""
 
+import csv
 import json
 import os
 import re
 import signal
+import socket
 import struct
 import subprocess
 import sys
+import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +21,14 @@ import trimesh
 from plain_igtl import PlainClient
 
 from sim.episode.setup import build_setup
+from sim.errors import FieldError
 from sim.live.igtl.link import LinkSettings
 from sim.live.service import ServiceSettings
-from sim.running.fields import config_of
+from sim.running.fields import config_of, recorded
 from sim.running.live.serving import Serving, serve
+from sim.running.output import output_of
 from sim.running.parts import make_parts
-from sim.running.run_episode import make_episode
+from sim.running.run_episode import make_episode, record_episode
 
 pytest.importorskip("pyigtl")
 ROOT = Path(__file__).resolve().parents[3]
@@ -122,3 +129,55 @@ def test_a_simulated_probe_senses_what_an_episode_senses(scenario, tmp_path):
             np.testing.assert_allclose(event["points_m"], step.reading.points_m, atol=1e-9)
             np.testing.assert_array_equal(event["is_occupied"], step.reading.is_occupied)
     assert any("4 sensed" in line for line in told)
+
+
+def test_a_run_is_shown_as_it_happens_and_its_record_stays_the_same(scenario, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    setup, tips = None, []
+    for name, live in (("plain", None), ("shown", f"igtl://127.0.0.1:{port}")):
+        config = config_of(scenario=str(scenario), arm="none", steps=3, report=False, live=live)
+        parts = make_parts(config)
+        setup = setup or build_setup(parts.scenario, None, parts.map_settings)
+        output = replace(output_of(config, parts, recorded(config)), folder=tmp_path / name)
+        watching = threading.Thread(target=lambda: tips.append(seen_tip(port)))
+        if live:
+            watching.start()
+        record_episode(parts, output, setup=setup, show_progress=False)
+        if live:
+            watching.join()
+    rows, configs = (
+        [(tmp_path / name / file).read_text() for name in ("plain", "shown")]
+        for file in ("poses.csv", "config.json")
+    )
+    assert rows[0] == rows[1]
+    assert configs[0] == configs[1]
+    (tip,) = tips
+    tables = csv.DictReader(rows[0].splitlines())
+    tips_lps_m = np.array(
+        [[float(row[f"T_organ_probe_position_{axis}_m"]) for axis in "xyz"] for row in tables]
+    )
+    # The client saw one of the run's contacts, in RAS millimetres and single precision.
+    off_mm = np.linalg.norm(tips_lps_m * [-1e3, -1e3, 1e3] - tip[:3, 3], axis=1)
+    assert off_mm.min() < 1e-3
+
+
+def seen_tip(port):
+    """The first pose of the tip that a server shows which is still to come."""
+    deadline = time.monotonic() + 60.0
+    while True:
+        try:
+            client = PlainClient(port)
+        except ConnectionRefusedError:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+            continue
+        tip = plain_igtl.matrix_of(client.wait_for("SoundingTip")[1])
+        client.close()
+        return tip
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:18944", "igtl://", "igtl://here:99999", "http://127.0.0.1"])
+def test_an_address_that_is_none_is_told_before_anything_runs(address):
+    with pytest.raises(FieldError, match=r"igtl://127\.0\.0\.1:18944"):
+        config_of(live=address)

@@ -44,6 +44,7 @@ EXTRAS = {
     "ultrasound": Extra("numba", "numba", "ultrasound (`--sensor ultrasound`, `sounding image`)"),
     "gym": Extra("gymnasium", "gymnasium", "the environments for learning (`sim.gym`)"),
     "igtl": Extra("pyigtl", "pyigtl", "OpenIGTLink, as 3D Slicer speaks it (`sounding serve`)"),
+    "dicom": Extra("highdicom", "highdicom", "DICOM: a SEG as an organ, maps as SEG (`sounding export`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"
     ),

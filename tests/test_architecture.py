@@ -61,6 +61,7 @@ WITHIN = {
     "sim.cli.studies": "sim.cli",
     "sim.cli.sensing": "sim.cli",
     "sim.cli.live": "sim.cli",
+    "sim.world.volumes.dicom": "sim.world.volumes",
     "sim.world.anatomy.given": "sim.world.anatomy",
     "sim.episode.planned": "sim.episode",
     "sim.episode.moving": "sim.episode",

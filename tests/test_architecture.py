@@ -38,6 +38,7 @@ ROOMS = (
     "sim.running",
     "sim.gym",
     "sim.campaign",
+    "sim.dataset",
     "sim.bound",
     "sim.comparison",
     "sim.bench",

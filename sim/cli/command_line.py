@@ -21,6 +21,7 @@ from .terminal import BAD_INPUT, in_flags
 COMMANDS = {
     "episode": "episode",
     "trials": "trials",
+    "dataset": "studies.dataset",
     "bound": "studies.bound",
     "bench": "studies.bench",
     "compare": "compare",

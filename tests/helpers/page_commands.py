@@ -50,7 +50,8 @@ BEFORE = {
     "report.md": [
         f".venv/bin/sounding episode --scenario sphere --arm none --steps 2 --out renders/{name}"
         for name in ("first", "second")
-    ]
+    ],
+    "dicom.md": [".venv/bin/sounding episode --scenario sphere --arm none --steps 2 --out renders/first"],
 }
 """Commands of other pages that a page takes for done."""
 CLONED = (

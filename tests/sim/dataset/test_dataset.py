@@ -230,6 +230,20 @@ def test_lerobots_files_have_its_layout(parquet, config, tmp_path):
     assert total == pytest.approx(rows[2]["next.sensed"], abs=1e-6)
 
 
+@pytest.mark.slow
+def test_lerobots_own_reader_loads_it(config, tmp_path, monkeypatch):
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    lerobot = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs pip install lerobot")
+    folder = tmp_path / "lerobot"
+    build(plan_of(folder, config, format="lerobot"), n_jobs=1, tell=silent)
+    dataset = lerobot.LeRobotDataset("sounding/ball", root=folder, delta_timestamps={"action": [0.0, 1.0]})
+    assert (len(dataset), dataset.num_episodes) == (9, 3)
+    rows = pq.read_table(folder / "data" / "chunk-000" / "file-000.parquet").to_pylist()
+    item = dataset[4]
+    assert item["task"] == "find the hidden tumours"
+    np.testing.assert_allclose(item["action"].numpy(), [rows[4]["action"], rows[5]["action"]])
+
+
 def test_the_card_tells_every_field(parquet):
     card = (parquet / "README.md").read_text()
     assert all(f"- `{name}`: " in card for name in (*STEP_FIELDS, *EPISODE_FIELDS))

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal
 
 from threadpoolctl import threadpool_limits
 
@@ -20,8 +18,7 @@ from sim.errors import UsageError
 from sim.pictures.png import png_bytes
 from sim.record.locked_folder import LockedFolder
 from sim.record.run_folder import describe_machine
-from sim.running.config import EpisodeConfig
-from sim.running.fields import changed, recorded
+from sim.running.fields import changed
 from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode
 from sim.workers import Workers
@@ -31,54 +28,11 @@ from sim.world.scene.arm import ArmModel
 from . import hdf5_shard, parquet_shard
 from .card import card_of
 from .lerobot_files import write_lerobot
+from .plan import DatasetPlan
 from .record import record_of
 
-Format = Literal["parquet", "hdf5", "lerobot"]
 MARKER = "dataset.json"
 """What the dataset is of, by which its folder is known."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DatasetPlan:
-    """What is to be built."""
-
-    config: EpisodeConfig
-    """The episodes, but for their seeds."""
-    seeds: Sequence[int]
-    format: Format
-    shard_size: int
-    """Episodes of a shard."""
-    folder: Path
-
-    @property
-    def n_shards(self) -> int:
-        """The number of shards."""
-        return -(-len(self.seeds) // self.shard_size)
-
-    def members(self, shard: int) -> range:
-        """The numbers of the episodes of a shard."""
-        first = shard * self.shard_size
-        return range(first, min(first + self.shard_size, len(self.seeds)))
-
-    def is_there(self, shard: int) -> bool:
-        """Whether a shard was written whole, and is not one of fewer episodes that was the last before."""
-        kind = hdf5_shard if self.format == "hdf5" else parquet_shard
-        return kind.n_episodes(self.shards_folder, shard) == len(self.members(shard))
-
-    @property
-    def shards_folder(self) -> Path:
-        """Where the shards lie; LeRobot's files are made of them."""
-        return self.folder / "shards" if self.format == "lerobot" else self.folder
-
-    def identity(self) -> dict[str, Any]:
-        """What the folder goes on with, as plain data; more seeds may follow later."""
-        values = {name: value for name, value in recorded(self.config).items() if name != "seed"}
-        return {
-            "first_seed": self.seeds[0],
-            "format": self.format,
-            "shard_size": self.shard_size,
-            "episodes": values,
-        }
 
 
 def build(plan: DatasetPlan, *, n_jobs: int, tell: Callable[[str], None]) -> int:

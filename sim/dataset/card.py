@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from .plan import DatasetPlan
 from .record import EPISODE_FIELDS, STEP_FIELDS
-
-if TYPE_CHECKING:
-    from .building import DatasetPlan
 
 _PLACES = {
     "parquet": "`steps/shard-*.parquet` has a row an action, `episodes/shard-*.parquet` a row an episode.",

@@ -97,7 +97,8 @@ def parse_options(arguments: Sequence[str], prog: str) -> Options:
 def run(options: Options) -> int:
     """Build the dataset, and return the exit code."""
     from sim.campaign.study import parse_seeds
-    from sim.dataset.building import DatasetPlan, build
+    from sim.dataset.building import build
+    from sim.dataset.plan import DatasetPlan
 
     config = EpisodeConfig(
         scenario=options.scenario,

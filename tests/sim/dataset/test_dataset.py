@@ -14,8 +14,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from sim.dataset.building import DatasetPlan, build
+from sim.dataset.building import build
 from sim.dataset.lerobot_files import FEATURES
+from sim.dataset.plan import DatasetPlan
 from sim.dataset.record import EPISODE_FIELDS, STEP_FIELDS
 from sim.episode.setup import build_setup
 from sim.errors import UsageError

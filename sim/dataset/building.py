@@ -17,6 +17,7 @@ from sim.episode.setup import Setup, build_setup
 from sim.errors import UsageError
 from sim.pictures.png import png_bytes
 from sim.record.locked_folder import LockedFolder
+from sim.record.ownership import MANIFEST
 from sim.record.run_folder import describe_machine
 from sim.running.fields import changed
 from sim.running.parts import make_parts
@@ -98,6 +99,8 @@ def _begin(plan: DatasetPlan) -> None:
     Raises:
         UsageError: The folder holds another dataset.
     """
+    if (plan.folder / MANIFEST).exists():
+        raise UsageError(f"{plan.folder}: holds a run and no dataset. Choose another `out`.")
     marker, identity = plan.folder / MARKER, json.loads(json.dumps(plan.identity()))
     if marker.is_file():
         known = json.loads(marker.read_text(encoding="utf-8")).get("identity", {})

@@ -106,13 +106,12 @@ def points_of_image(
     Raises:
         RefusedError: A label has another value.
     """
-    seen = np.argwhere(labels != 0)
-    values = labels[tuple(seen.T)]
-    if not np.isin(values, (FREE, TUMOUR)).all():
+    if labels.min(initial=0) < 0 or labels.max(initial=0) > TUMOUR:
         known = f"0 not seen, {FREE} free, {TUMOUR} tumour"
         raise RefusedError("malformed", f"the image has labels other than {known}")
-    chosen = thinned(len(seen), most)
-    seen, values = seen[chosen], values[chosen]
+    places = np.flatnonzero(labels)
+    places = places[thinned(len(places), most)]
+    seen, values = np.column_stack(np.unravel_index(places, labels.shape)), labels.ravel()[places]
     points_m = seen @ T_world_index[:3, :3].T + T_world_index[:3, 3]
     return PointsSensed(points_m=points_m, is_occupied=values == TUMOUR, stamp_s=stamp_s)
 
@@ -124,4 +123,6 @@ def thinned(n: int, most: int) -> NDArray[np.intp]:
         n: How many there are.
         most: How many to keep at most.
     """
-    return np.sort(np.random.default_rng(0).permutation(n)[:most])
+    if n <= most:
+        return np.arange(n)
+    return np.sort(np.random.default_rng(0).choice(n, most, replace=False, shuffle=False))

@@ -17,6 +17,7 @@ from mapping import Prediction
 from sim.episode.planned.planned_organ import PlannedOrgan
 from sim.errors import UsageError
 from sim.record.locked_folder import LockedFolder
+from sim.record.ownership import MANIFEST
 from sim.record.run_folder import describe_machine
 
 from .event import Event
@@ -52,7 +53,7 @@ class SessionFolder(LockedFolder):
     def _begin(self, identity: Any) -> None:
         marker = self.path / MARKER
         if not marker.is_file():
-            if (self.path / "manifest.json").exists():
+            if (self.path / MANIFEST).exists():
                 raise UsageError(f"{self.path}: holds a run and no session. Choose another `out`.")
             (self.path / EVENTS).mkdir(exist_ok=True)
             content = {"machine": describe_machine(), "identity": identity}

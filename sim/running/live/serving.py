@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from mapping import make_hilbert_map
 from sim.episode.planned.planned_organ import PlannedOrgan, plan_organ
 from sim.live.igtl.link import IgtlLink, LinkSettings
+from sim.live.igtl.wire import igtl
 from sim.live.patient_frame import PatientFrame
 from sim.live.service import Service, ServiceSettings
 from sim.live.session import Session
@@ -84,9 +85,10 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
         tell: Called with a sentence whenever something happened.
 
     Raises:
-        UsageError, WorldError, PlannerError: Something cannot be done.
+        UsageError, WorldError, PlannerError: Something cannot be done, for example for want of pyigtl.
         KeyboardInterrupt: Ctrl-C was pressed; all that was sensed is kept.
     """
+    igtl()  # told before the organ is loaded
     parts, stop = make_parts(config), threading.Event()
     setup = _setup_of(parts) if serving.simulates else None
     organ = setup or plan_organ(parts.scenario, parts.map_settings)

@@ -141,6 +141,10 @@ def test_it_goes_on_with_shards_that_are_missing_and_with_more_seeds(parquet, co
     assert build(plan_of(folder, config, seeds=range(3, 7)), n_jobs=1, tell=silent) == 2
     assert [row["seed"] for row in table(folder, "episodes")] == [3, 4, 5, 6]
     assert first.stat().st_mtime_ns == kept
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "manifest.json").write_text('{"sounding": "0.1.0"}')
+    with pytest.raises(UsageError, match="holds a run"):
+        build(plan_of(tmp_path / "run", config), n_jobs=1, tell=silent)
     with pytest.raises(UsageError, match="other values of planner"):
         build(plan_of(folder, changed(config, planner="random")), n_jobs=1, tell=silent)
 

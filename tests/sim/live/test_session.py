@@ -169,6 +169,10 @@ def test_a_folder_goes_on_only_with_the_same_options_and_one_process_at_a_time(t
     identity = {"planner": "random", "seed": 1}
     with SessionFolder(tmp_path / "here", identity), pytest.raises(UsageError, match="another session"):
         SessionFolder(tmp_path / "here", identity)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "manifest.json").write_text('{"sounding": "0.1.0"}')
+    with pytest.raises(UsageError, match="holds a run"):
+        SessionFolder(tmp_path / "run", identity)
     with pytest.raises(UsageError, match="other values of planner"):
         SessionFolder(tmp_path / "here", {"planner": "greedy-coverage", "seed": 1})
     SessionFolder(tmp_path / "here", identity).close()

@@ -43,6 +43,9 @@ EXTRAS = {
     "ray": Extra("ray", "ray", "campaigns on Ray (`sounding trials --engine ray`)"),
     "ultrasound": Extra("numba", "numba", "ultrasound (`--sensor ultrasound`, `sounding image`)"),
     "gym": Extra("gymnasium", "gymnasium", "the environments for learning (`sim.gym`)"),
+    "hdf5": Extra("h5py", "h5py", "datasets in HDF5 (`sounding dataset --format hdf5`)"),
+    "igtl": Extra("pyigtl", "pyigtl", "OpenIGTLink, as 3D Slicer speaks it (`sounding serve`)"),
+    "dicom": Extra("highdicom", "highdicom", "DICOM: a SEG as an organ, maps as SEG (`sounding export`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"
     ),

@@ -18,7 +18,7 @@ from sim.running.config import EpisodeConfig
 from sim.running.fields import config_of, converted, default_of, field_names, flat, plain
 from sim.running.parts import check_config
 
-NOT_AXES = ("config", "out", "overwrite", "frames", "report")
+NOT_AXES = ("config", "out", "overwrite", "frames", "report", "live")
 """Options that say where an episode comes from and what it writes, which a campaign decides itself."""
 SETUP_OPTIONS = (
     *(

@@ -21,9 +21,11 @@ from .terminal import BAD_INPUT, in_flags
 COMMANDS = {
     "episode": "episode",
     "trials": "trials",
+    "dataset": "studies.dataset",
     "bound": "studies.bound",
     "bench": "studies.bench",
     "compare": "compare",
+    "serve": "live.serve",
     "reach": "reach",
     "ik": "ik",
     "image": "sensing.image",

@@ -68,7 +68,7 @@ def best_turn_rad(
     organ: Solid,
     arm: ArmModel | None,
     cone: Cone,
-    probe: ProbeModel = EMBEDDED,
+    probe: ProbeModel | None = None,
     *,
     structures: tuple[Structure, ...] = (),
     keepout_m: float = 0.0,
@@ -79,7 +79,7 @@ def best_turn_rad(
         organ: The organ in patient axes [m].
         arm: The arm that is to reach it; None for a free-flying probe, which reaches all that faces up.
         cone: What the probe sees.
-        probe: The probe that the arm carries.
+        probe: The probe that the arm carries; None for the embedded one.
         structures: What lies beside the organ, patient axes; those to keep away from are not pressed near.
         keepout_m: How near a pose may come to those [m].
 
@@ -91,7 +91,12 @@ def best_turn_rad(
     turns = _distinct([ANTERIOR_UP, *others])
     points_m = organ.sample_inside(N_POINTS, np.random.default_rng(0))
     case = _Case(
-        organ=organ, cone=cone, points_m=points_m, probe=probe, structures=structures, keepout_m=keepout_m
+        organ=organ,
+        cone=cone,
+        points_m=points_m,
+        probe=probe or EMBEDDED,
+        structures=structures,
+        keepout_m=keepout_m,
     )
     shares = np.array([_seen_share(case, turn, None) for turn in turns])
     if arm is None:

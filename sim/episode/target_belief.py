@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,9 @@ from sim.world.sensing.reading import Reading
 
 from .body import Laid
 from .measures import NEVER, never, note_first
-from .truth import TargetTruth
+
+if TYPE_CHECKING:
+    from .truth import TargetTruth
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any
 from .ownership import LOCK
 
 DEFAULT_PARENT = Path("renders")
-OF_THE_CALL = ("config", "out", "overwrite", "jobs")
+OF_THE_CALL = ("config", "out", "overwrite", "live", "jobs")
 """Options that say where a run goes to and how it is shared, and nothing about what it finds."""
 
 

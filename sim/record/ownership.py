@@ -19,6 +19,7 @@ RUN_NAMES = re.compile(
     | (steps|skipped|states|structures|poses|tumours|false_findings|targets|target_false_findings)\.csv
     | poses\.json | probe\.xml | anatomy\.npz | map\.npz | visible\.npz | own_(target_)?map\.npz
     | map_(target_)?(on_scan_)?(probability|standard_deviation|labels)\.nii\.gz
+    | map(_target)?\.seg\.nrrd | map_(target_)?(segmentation|probability)\.dcm
     | (auprc|precision_recall|map_top|map_side|map_target_top|map_target_side)\.png
     | ultrasound/\d+(-\d+)?\.png
     | (frames/\d+|frames/final)\.png | (motion|maps)/\d+\.npz | surfaces/mapped[^/]*

@@ -59,6 +59,27 @@ def scan_map_volumes(
         grid: The scan's voxels.
         threshold: Probability above which a voxel gets the label of what is mapped.
     """
+    probability, labels = map_on_grid(arrays, organ, T_world_organ, grid, threshold=threshold)
+    stem, noun = f"{arrays.of.file_stem}_on_scan", arrays.of.noun
+    affine = RAS_MM_FROM_LPS_M @ grid.T_lps_voxel
+    return {
+        f"{stem}_probability.nii.gz": _nifti(probability, affine, f"probability of {noun}", slope=STEP),
+        f"{stem}_labels.nii.gz": _nifti(labels, affine, arrays.label_text(threshold)),
+    }
+
+
+def map_on_grid(
+    arrays: MapArrays, organ: Solid, T_world_organ: NDArray[np.float64], grid: ScanGrid, *, threshold: float
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """The probability in steps of `STEP`, and the label, of each voxel of a grid, both of the grid's shape.
+
+    Args:
+        arrays: The map.
+        organ: The organ's surface, world frame [m].
+        T_world_organ: Maps patient axes (LPS) [m] to the world, shape (4, 4).
+        grid: The voxels.
+        threshold: Probability above which a voxel gets the label of what is mapped.
+    """
     probability, labels = np.zeros(grid.shape, np.uint8), np.zeros(grid.shape, np.uint8)
     T_world_voxel = T_world_organ @ grid.T_lps_voxel
     box = _box_around(organ, T_world_voxel, grid.shape)
@@ -74,12 +95,7 @@ def scan_map_volumes(
         values[inside] = np.rint(likely / STEP)
         found[inside] = np.where(likely > threshold, arrays.of.label, _organ_label(arrays, places))
         probability[part], labels[part] = (each.reshape(index.shape[:3]) for each in (values, found))
-    stem, noun = f"{arrays.of.file_stem}_on_scan", arrays.of.noun
-    affine = RAS_MM_FROM_LPS_M @ grid.T_lps_voxel
-    return {
-        f"{stem}_probability.nii.gz": _nifti(probability, affine, f"probability of {noun}", slope=STEP),
-        f"{stem}_labels.nii.gz": _nifti(labels, affine, arrays.label_text(threshold)),
-    }
+    return probability, labels
 
 
 def _filled_log_odds(arrays: MapArrays) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ ORDER = (
 """The order of groups in a study's axes and columns, after the fields outside groups. Help has another."""
 OPTIONS_OF = {"planner": "planner_option", "sensor": "sensor_option", "map": "map_option"}
 """The field that holds the options of what a user brings in the place of another."""
-OF_THE_CALL = ("config", "out", "overwrite")
+OF_THE_CALL = ("config", "out", "overwrite", "live")
 """Fields that say where a run comes from and goes to, and nothing about the run."""
 
 

@@ -31,6 +31,8 @@ class Output:
     """What the run was given in memory and config.json does not hold, a sentence each."""
     overwrite: bool = False
     """Whether a run that the folder already holds is replaced."""
+    live: str | None = None
+    """Address at which clients are shown the run as it happens; None shows it to nobody."""
 
 
 def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, Any]) -> Output:
@@ -46,4 +48,5 @@ def output_of(config: EpisodeConfig, parts: EpisodeParts, options: Mapping[str, 
         keep_images=config.ultrasound.keep_images,
         report=config.output.report,
         overwrite=config.output.overwrite,
+        live=config.output.live,
     )

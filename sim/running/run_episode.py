@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -33,10 +34,11 @@ from sim.record.trajectories import write_anatomy, write_motion, write_probe
 from .config import EpisodeConfig
 from .config_file import cannot_repeat, recorded_config, run_config
 from .fields import changed, read_config, without_options_of
+from .live.showing import shown
 from .output import Output, output_of
 from .parts import EpisodeParts, make_parts
 from .placing.arm_place import arm_fields, probe_text
-from .summary import Totals, episode_summary
+from .summary import MANY_SKIPPED, SKIPPED_NOTE, Totals, episode_summary, progress_text
 
 if TYPE_CHECKING:
     from mapping import TumourMapFactory
@@ -45,13 +47,6 @@ if TYPE_CHECKING:
     from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
-
-_MANY_SKIPPED = 100
-"""A notice is given when this many poses in a row are out of the arm's reach."""
-_SKIPPED_NOTE = (
-    f"note: the arm reaches none of the {_MANY_SKIPPED} poses chosen last; still looking for one that it reaches. "
-    "`sounding reach` with the same arm and organ shows which it reaches; the organ pose `best` moves the organ."
-)
 
 
 def run_episode(
@@ -165,6 +160,7 @@ def record_episode(
     with threadpool_limits(limits=1), ExitStack() as stack:
         setup = setup or build_setup(parts.scenario, parts.arm, parts.map_settings, probe=parts.probe)
         episode = make_episode(parts, setup)
+        show = stack.enter_context(shown(episode, output.live))
         renderer = None
         if output.frames != "none":
             renderer = stack.enter_context(frame_renderer(episode))
@@ -176,7 +172,7 @@ def record_episode(
         write_probe(folder, parts.probe)
         for notice in notices if show_progress else ():
             notify(notice)
-        run = _EpisodeRun(parts, output, folder, episode, EpisodeFrames(folder.path, episode, renderer))
+        run = _EpisodeRun(parts, output, folder, episode, EpisodeFrames(folder.path, episode, renderer), show)
         interrupt = stack.enter_context(NotedInterrupt())
         return run.run(interrupt, start_s, show_progress=show_progress)
 
@@ -185,10 +181,16 @@ class _EpisodeRun:
     """An episode that is written as it goes, with its folder closed whatever ends it."""
 
     def __init__(
-        self, parts: EpisodeParts, output: Output, folder: RunFolder, episode: Episode, frames: EpisodeFrames
+        self,
+        parts: EpisodeParts,
+        output: Output,
+        folder: RunFolder,
+        episode: Episode,
+        frames: EpisodeFrames,
+        show: Callable[[Step], None],
     ) -> None:
         self._parts, self._output, self._folder = parts, output, folder
-        self._episode, self._frames = episode, frames
+        self._episode, self._frames, self._show = episode, frames, show
         self._totals, self._status = Totals(), "failed"
         self._has_told_of_reach = False
 
@@ -231,9 +233,10 @@ class _EpisodeRun:
                 self._totals.add(step)
                 write_step(self._folder, self._episode, step)
                 write_sweep(self._folder, step.step, step.reading.images, self._output.keep_images)
+                self._show(step)
                 if draws_each:
                     self._frames.draw(f"{step.step:04d}.png", step)
-                progress.set_postfix_str(_postfix(step, self._episode), refresh=False)
+                progress.set_postfix_str(progress_text(step, self._episode), refresh=False)
                 progress.update()
                 if interrupt.is_set:
                     raise KeyboardInterrupt
@@ -242,11 +245,11 @@ class _EpisodeRun:
         """Tell how the search for a pose within reach goes, which is long where there is hardly any."""
         if interrupt.is_set:
             raise KeyboardInterrupt
-        if n_in_a_row < _MANY_SKIPPED:
+        if n_in_a_row < MANY_SKIPPED:
             return
         progress.set_postfix_str(f"{n_in_a_row} poses in a row out of reach")
         if not (self._has_told_of_reach or progress.disable):
-            progress.write(_SKIPPED_NOTE, file=sys.stderr)
+            progress.write(SKIPPED_NOTE, file=sys.stderr)
         self._has_told_of_reach = True
 
     def _finish(self, setup_s: float, start_s: float) -> dict[str, Any]:
@@ -290,10 +293,3 @@ class _EpisodeRun:
         if self._output.report:
             write_report(self._folder.path, findings)
         write_own_maps(self._folder, self._episode)  # last: it is the user's code, and may raise
-
-
-def _postfix(step: Step, episode: Episode) -> str:
-    auprc = "–" if step.auprc is None else f"{step.auprc:.2f}"
-    sensed = "–" if step.sensed_fraction is None else f"{step.sensed_fraction:.0%}"
-    sure = f", sure {episode.confidence():.0%}" if episode.planner.tells_confidence else ""
-    return f"AUPRC {auprc}, sensed {sensed}{sure}"

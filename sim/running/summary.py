@@ -17,6 +17,13 @@ from sim.world.frames import rigid_inverse
 from .config import DEFAULT_PROBE
 from .parts import EpisodeParts
 
+MANY_SKIPPED = 100
+"""A notice is given when this many poses in a row are out of the arm's reach."""
+SKIPPED_NOTE = (
+    f"note: the arm reaches none of the {MANY_SKIPPED} poses chosen last; still looking for one that it reaches. "
+    "`sounding reach` with the same arm and organ shows which it reaches; the organ pose `best` moves the organ."
+)
+
 
 @dataclass
 class Totals:
@@ -132,3 +139,11 @@ def _target_summary(target: TargetBelief | None, totals: Totals) -> dict[str, An
         **({} if metrics is None else dataclasses.asdict(metrics)),
     }
     return {f"target_{name}": value for name, value in figures.items()}
+
+
+def progress_text(step: Step, episode: Episode) -> str:
+    """What a progress bar tells after an action."""
+    auprc = "–" if step.auprc is None else f"{step.auprc:.2f}"
+    sensed = "–" if step.sensed_fraction is None else f"{step.sensed_fraction:.0%}"
+    sure = f", sure {episode.confidence():.0%}" if episode.planner.tells_confidence else ""
+    return f"AUPRC {auprc}, sensed {sensed}{sure}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -23,6 +22,9 @@ def quaternion_matrix(quaternions: ArrayLike) -> NDArray[np.float64]:
     Returns:
         Shape (..., 3, 3).
     """
+    # Imported here, so that directions have frames without it.
+    import mujoco
+
     wxyz = np.ascontiguousarray(quaternions, dtype=np.float64)
     flat = wxyz.reshape(-1, 4)
     matrices = np.empty((len(flat), 9))

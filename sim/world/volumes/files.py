@@ -1,4 +1,4 @@
-"""Reading label volumes: NIfTI and NRRD files. Nothing is read before its size is known.
+"""Reading label volumes: NIfTI and NRRD files, and segmentations in DICOM. Nothing is read before its size is known.
 
 What a file claims is checked against memory and against the file's own size first, so that neither a damaged header
 nor a decompression bomb can exhaust the machine.
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from sim.world.errors import VolumeError
 
+from .dicom.segmentation import is_segmentation, read_segmentation
 from .grid import Grid, check_affine, check_shape
 from .label_values import read_labels
 from .nifti_files import opened, read_mgh, read_nifti
@@ -45,8 +46,8 @@ MOST_LOOKED_AT = 20
 """Files of a folder that are looked at for DICOM."""
 
 HOW_DICOM = (
-    "DICOM is not read; load it with 3D Slicer's DICOM module and save the segmentation as .seg.nrrd or .nii.gz (a "
-    "DICOM-SEG needs the extension QuantitativeReporting, an RTSTRUCT SlicerRT)"
+    "of DICOM only a SEG object is read, a file by itself; load others with 3D Slicer's DICOM module and save the "
+    "segmentation as .seg.nrrd or .nii.gz (an RTSTRUCT needs the extension SlicerRT)"
 )
 
 HOW = (
@@ -87,7 +88,7 @@ def load_volume(
     """The label volume of a file.
 
     Args:
-        path: A .nii, .nii.gz, .nrrd, .nhdr, .mgz or .mgh file, or one of a pair of .hdr and .img.
+        path: A .nii, .nii.gz, .nrrd, .nhdr, .mgz or .mgh file, one of a pair of .hdr and .img, or a DICOM SEG.
         spacing_m: Distances between voxels [m] in place of the header's, where that is known to be wrong.
         axes: Where the voxels' axes run, for example RAS, in place of the header's.
 
@@ -156,6 +157,8 @@ def _check_is_read(path: Path) -> None:
     if not path.exists():
         raise VolumeError(f"{path}: there is no such file; check the path")
     if is_dicom(path):
+        if path.is_file() and is_segmentation(path):
+            return
         raise VolumeError(f"{path}: {'is a folder of DICOM files. ' if path.is_dir() else ''}{HOW_DICOM}")
     if not path.is_file():
         raise VolumeError(f"{path}: is a folder; name the file in it")
@@ -165,6 +168,8 @@ def _check_is_read(path: Path) -> None:
 
 def _read(path: Path) -> Grid:
     """The grid of a file; an NRRD file is told by its first bytes whatever its name says."""
+    if is_dicom(path):
+        return read_segmentation(path)
     with opened(path) as file:
         start = file.read(4)
     if start == b"NRRD" or path.suffix.lower() in (".nrrd", ".nhdr"):

@@ -88,9 +88,11 @@ def test_dicom_is_told_by_name_or_content_file_or_folder(tmp_path):
     folder.mkdir()
     (folder / "IM0001").write_bytes(bytes(128) + b"DICM" + bytes(200))
     (tmp_path / "seg.dcm").write_bytes(b"old")
-    for path in (folder, folder / "IM0001", tmp_path / "seg.dcm"):
-        with pytest.raises(VolumeError, match="DICOM is not read; load it with 3D Slicer's DICOM module"):
+    for path in (folder, folder / "IM0001"):
+        with pytest.raises(VolumeError, match="only a SEG object is read, .* with 3D Slicer's DICOM module"):
             load(path)
+    with pytest.raises(VolumeError, match="cannot be read as DICOM"):
+        load(tmp_path / "seg.dcm")
 
 
 def test_a_folder_is_a_folder(tmp_path):

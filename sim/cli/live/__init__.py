@@ -1,0 +1,1 @@
+"""The commands for probes and sensors that are not simulated here."""

@@ -1,0 +1,129 @@
+"""The folder of a session: each event is a file that is on the disk before it counts, so that a kill loses nothing."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping import Prediction
+from sim.episode.planned.planned_organ import PlannedOrgan
+from sim.errors import UsageError
+from sim.record.locked_folder import LockedFolder
+from sim.record.ownership import MANIFEST
+from sim.record.run_folder import describe_machine
+
+from .event import Event
+
+MARKER = "session.json"
+"""What the session is of, by which its folder is known."""
+EVENTS = "events"
+MAP = "map.npz"
+"""The present map on its lattice, NaN outside the organ, as a run's folder has it."""
+
+
+class SessionFolder(LockedFolder):
+    """A folder that one session owns while it is open."""
+
+    def __init__(self, path: Path, identity: Mapping[str, Any]) -> None:
+        """Make the folder of a session, or take up the one that is there.
+
+        Args:
+            path: The folder.
+            identity: Plain data that decides what the session proposes; a folder goes on only with the same.
+
+        Raises:
+            UsageError: The folder holds something else or a session of another identity, another process writes there,
+                or it cannot be written.
+        """
+        super().__init__(path, what="session", overwrite=True, marker=MARKER)
+        try:
+            self._begin(json.loads(json.dumps(identity)))
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, identity: Any) -> None:
+        marker = self.path / MARKER
+        if not marker.is_file():
+            if (self.path / MANIFEST).exists():
+                raise UsageError(f"{self.path}: holds a run and no session. Choose another `out`.")
+            (self.path / EVENTS).mkdir(exist_ok=True)
+            content = {"machine": describe_machine(), "identity": identity}
+            _write(marker, (json.dumps(content, indent=2) + "\n").encode())
+            return
+        try:
+            known = json.loads(marker.read_text(encoding="utf-8"))["identity"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise UsageError(f"{marker}: cannot be read ({error}). Choose another `out`.") from error
+        changed = sorted(key for key in {*known, *identity} if known.get(key) != identity.get(key))
+        if changed:
+            raise UsageError(
+                f"{self.path}: holds a session that began with other values of {', '.join(changed)}. Give the same "
+                "options to go on with it, or choose another `out`."
+            )
+
+    def append(self, event: Event) -> None:
+        """Write an event; when this returns it is on the disk."""
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **event.arrays())
+        _write(self.path / EVENTS / f"{event.number:05d}.npz", buffer.getvalue())
+
+    def events(self) -> Iterator[Event]:
+        """The events that are kept, in order.
+
+        Raises:
+            UsageError: A file is broken or missing.
+        """
+        files = sorted((self.path / EVENTS).glob("*.npz"))
+        for number, file in enumerate(files, start=1):
+            try:
+                with np.load(file, allow_pickle=False) as arrays:
+                    event = Event.of_arrays({name: arrays[name] for name in arrays.files})
+                if event.number != number:
+                    raise ValueError(f"it is event {event.number}, where event {number} is due")
+            except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile) as error:
+                raise UsageError(
+                    f"{file}: cannot be read ({error}). Remove it and all that come after it to go on from there."
+                ) from error
+            yield event
+
+    def write_map(self, organ: PlannedOrgan, prediction: Prediction) -> None:
+        """Replace the map."""
+        x_m, y_m, z_m = organ.query.axes_m
+        arrays: dict[str, NDArray[Any]] = {
+            "x_m": x_m,
+            "y_m": y_m,
+            "z_m": z_m,
+            "is_inside": organ.on_lattice(np.ones(len(organ.search_points_m), dtype=bool), outside=False),
+        }
+        for name in ("probability", "latent_mean", "latent_variance"):
+            values = getattr(prediction, name).astype(np.float32)
+            arrays[name] = organ.on_lattice(values, outside=np.nan)
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **arrays)
+        _write(self.path / MAP, buffer.getvalue(), is_synced=False)
+
+
+def _write(path: Path, content: bytes, *, is_synced: bool = True) -> None:
+    """Replace a file at once, and wait until it is on the disk."""
+    partial = path.with_name(f".{path.name}.part")
+    with partial.open("wb") as file:
+        file.write(content)
+        if is_synced:
+            file.flush()
+            os.fsync(file.fileno())
+    partial.replace(path)
+    if is_synced and os.name != "nt":
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

@@ -1,0 +1,121 @@
+"""A simulated probe: it flies to where it is sent in real time, and senses the truth of a seed as an episode would."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from time import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.episode.setup import Setup
+from sim.episode.truth import make_truth
+from sim.world.motion.settings import MotionSettings
+from sim.world.sensing.reading import Reading
+from sim.world.sensing.sensor import SceneState, Sensor
+
+from .reports import PointsSensed, TipMoved
+from .service import Service
+
+TRUTH_STREAM, SENSOR_STREAM = 0, 1
+"""Which of the streams that an episode spawns from its seed are the truth's and the sensor's."""
+LIFT_M = 0.03
+"""How far the tip is lifted off the organ on its way [m]."""
+
+
+class SimulatedProbe:
+    """A free-flying probe in the scene of a seed's truth."""
+
+    def __init__(self, setup: Setup, sensor: Sensor, *, seed: int) -> None:
+        """Plant the tumours of a seed.
+
+        Args:
+            setup: A setup without an arm.
+            sensor: Makes the readings.
+            seed: Seed of truth and sensor, as in an episode.
+
+        Raises:
+            WorldError: No place for the tumours was found.
+        """
+        streams = np.random.default_rng(seed).spawn(SENSOR_STREAM + 1)
+        self.truth = make_truth(setup, streams[TRUTH_STREAM])
+        self._setup, self._sensor, self._rng = setup, sensor, streams[SENSOR_STREAM]
+        self._data = self.truth.scene.new_data()
+        self._state = SceneState(self.truth.scene, self._data)
+
+    def sense(self, T_world_probe: NDArray[np.float64]) -> Reading:
+        """What the sensor reads with the tip at a pose, shape (4, 4) [m]."""
+        self._setup.positioner.shift(self._data, T_world_probe)
+        return self._sensor.sense(self._state, self._rng)
+
+    def serve(
+        self,
+        service: Service,
+        stop: threading.Event,
+        *,
+        rate_hz: float,
+        speed: float,
+        settings: MotionSettings,
+    ) -> None:
+        """Fly to what a service proposes and report what is sensed there, until it advises to end or `stop` is set.
+
+        Args:
+            service: Proposes, and gets the reports.
+            stop: Ends the flight.
+            rate_hz: How often the tip's pose is reported [Hz].
+            speed: How many times faster than a real probe it is; 0 jumps and does not wait.
+            settings: How fast it moves, and how long it senses.
+        """
+        T_now: NDArray[np.float64] | None = None
+        n_done = -1
+        while not stop.is_set():
+            seen = service.published
+            if seen is None or seen.n_sensed == n_done or seen.proposal is None:
+                stop.wait(0.005)
+                continue
+            n_done, T_next = seen.n_sensed, seen.proposal.T_world_probe
+            if T_next is None or seen.proposal.advice != "sense":
+                return
+            for T in _way(T_now, T_next, settings, rate_hz=rate_hz, speed=speed):
+                service.submit(TipMoved(T_world_probe=T, stamp_s=time()))
+                if speed > 0.0 and stop.wait(1.0 / rate_hz):
+                    return
+            T_now, reading = T_next, self.sense(T_next)
+            if speed > 0.0 and stop.wait(settings.sensing_s / speed):
+                return
+            now_s = time()
+            service.submit(TipMoved(T_world_probe=T_next, stamp_s=now_s))
+            service.submit(
+                PointsSensed(points_m=reading.points_m, is_occupied=reading.is_occupied, stamp_s=now_s)
+            )
+
+
+def _way(
+    T_start: NDArray[np.float64] | None,
+    T_end: NDArray[np.float64],
+    settings: MotionSettings,
+    *,
+    rate_hz: float,
+    speed: float,
+) -> Iterator[NDArray[np.float64]]:
+    """Poses of the tip on its way: off the organ, over, and down on it; the last is the end."""
+    if T_start is not None and speed > 0.0:
+        off, over = _lifted(T_start), _lifted(T_end)
+        legs = ((T_start, off), (off, over), (over, T_end))
+        speeds_m_s = (settings.approach_speed_m_s, settings.tip_speed_m_s, settings.approach_speed_m_s)
+        for (T_a, T_b), speed_m_s in zip(legs, speeds_m_s, strict=True):
+            length_m = float(np.linalg.norm(T_b[:3, 3] - T_a[:3, 3]))
+            n = max(1, int(length_m / (speed_m_s * speed) * rate_hz))
+            for i in range(n):
+                T = (T_b if i > n / 2 else T_a).copy()
+                T[:3, 3] = T_a[:3, 3] + (T_b[:3, 3] - T_a[:3, 3]) * (i / n)
+                yield T
+    yield T_end
+
+
+def _lifted(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A pose of the tip drawn back along its beam."""
+    lifted = T.copy()
+    lifted[:3, 3] -= LIFT_M * T[:3, 2]
+    return lifted

@@ -1,0 +1,155 @@
+"""The program behind `sounding serve`: a session with its folder and its link, and a simulated probe where wanted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mapping import make_hilbert_map
+from sim.episode.planned.planned_organ import PlannedOrgan, plan_organ
+from sim.live.igtl.link import IgtlLink, LinkSettings
+from sim.live.igtl.wire import igtl
+from sim.live.patient_frame import PatientFrame
+from sim.live.service import Service, ServiceSettings
+from sim.live.session import Session
+from sim.live.session_folder import SessionFolder
+from sim.live.snapshot import Snapshot
+from sim.running.config import EpisodeConfig
+from sim.running.fields import recorded
+from sim.running.parts import EpisodeParts, make_parts
+
+if TYPE_CHECKING:
+    from sim.episode.setup import Setup
+
+NOT_OF_A_SESSION = ("steps", "frames", "report", "keep_images", "rock_views")
+"""Fields of an episode that a session has no use for, so that they do not decide whether it goes on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serving:
+    """How a session is served."""
+
+    folder: Path
+    """Folder of the session; one that holds the same session goes on."""
+    link: LinkSettings
+    service: ServiceSettings
+    simulates: bool = False
+    """Whether a simulated probe takes the place of the outside."""
+    speed: float = 1.0
+    """How many times faster than a real probe the simulated one is; 0 jumps."""
+    n_steps: int | None = None
+    """Actions after which to end; None for never."""
+
+
+def session_of(parts: EpisodeParts, organ: PlannedOrgan, folder: SessionFolder | None = None) -> Session:
+    """The session of some parts.
+
+    Args:
+        parts: What an episode would be made of.
+        organ: The organ of their scenario.
+        folder: Keeps it.
+
+    Raises:
+        UsageError: The folder cannot be read.
+    """
+    return Session(
+        organ,
+        parts.planner,
+        seed=parts.seed,
+        map_settings=parts.map_settings,
+        detail=parts.detail,
+        trust=parts.trust,
+        tumour_map=parts.make_map or make_hilbert_map,
+        until_confident=parts.until_confident,
+        miss_cost=parts.miss_cost,
+        speeds=parts.motion_settings,
+        folder=folder,
+    )
+
+
+def identity_of(config: EpisodeConfig) -> dict[str, Any]:
+    """What decides the proposals of a session, as plain data."""
+    return {name: value for name, value in recorded(config).items() if name not in NOT_OF_A_SESSION}
+
+
+def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) -> int:
+    """Serve a session until its steps are done, and return how many actions it holds.
+
+    Args:
+        config: What the session plans and maps on; its arm is `none`.
+        serving: How it is served.
+        tell: Called with a sentence whenever something happened.
+
+    Raises:
+        UsageError, WorldError, PlannerError: Something cannot be done, for example for want of pyigtl.
+        KeyboardInterrupt: Ctrl-C was pressed; all that was sensed is kept.
+    """
+    igtl()  # told before the organ is loaded
+    parts, stop = make_parts(config), threading.Event()
+    setup = _setup_of(parts) if serving.simulates else None
+    organ = setup or plan_organ(parts.scenario, parts.map_settings)
+    with ExitStack() as stack:
+        folder = stack.enter_context(SessionFolder(serving.folder, identity_of(config)))
+        session = session_of(parts, organ, folder)
+        if session.n_kept:
+            tell(f"going on after {len(session.sensed)} actions in {serving.folder}")
+
+        def publish(snapshot: Snapshot) -> None:
+            link.publish(snapshot)
+            tell(_line(snapshot))
+            if serving.n_steps is not None and snapshot.n_sensed >= serving.n_steps:
+                stop.set()
+
+        service = Service(session, publish, serving.service)
+        outside: dict[str, Any] = {} if serving.simulates else {"submit": service.submit}
+        frame = PatientFrame(organ.T_world_organ)
+        link = stack.enter_context(
+            IgtlLink(frame, serving.link, refuse=service.refuse, tip=service.tip, **outside)
+        )
+        tell(
+            f"listening at {serving.link.host}:{link.server.port} (OpenIGTLink), written to {serving.folder}"
+        )
+        stack.callback(stop.set)
+        if setup is not None:
+            _fly(parts, setup, service, stop, serving, n_before=len(session.readings))
+        service.run(stop)
+        return len(session.sensed)
+
+
+def _setup_of(parts: EpisodeParts) -> Setup:
+    # Imported here, since it needs MuJoCo, which a session does not.
+    from sim.episode.setup import build_setup
+
+    return build_setup(parts.scenario, None, parts.map_settings, probe=parts.probe)
+
+
+def _fly(
+    parts: EpisodeParts,
+    setup: Setup,
+    service: Service,
+    stop: threading.Event,
+    serving: Serving,
+    *,
+    n_before: int,
+) -> None:
+    """Have a simulated probe fly in a thread of its own."""
+    from sim.live.simulated_probe import SimulatedProbe
+
+    probe = SimulatedProbe(setup, parts.sensor, seed=parts.seed)
+    for pose in service.session.sensed[:n_before]:
+        probe.sense(service.session.pose_matrix(pose))  # the sensor's stream goes on where it was
+    options = {"rate_hz": serving.link.rate_hz, "speed": serving.speed, "settings": parts.motion_settings}
+    threading.Thread(target=probe.serve, args=(service, stop), kwargs=options, daemon=True).start()
+
+
+def _line(snapshot: Snapshot) -> str:
+    """How things stand, on a line."""
+    proposal, text = snapshot.proposal, f"{snapshot.n_sensed} sensed"
+    if proposal is not None:
+        sure = "" if proposal.confidence is None else f", sure {proposal.confidence:.0%}"
+        text += f"{sure}; next pose {proposal.pose_index}, advice {proposal.advice}"
+    return f"{text}; {snapshot.note}" if snapshot.note else text

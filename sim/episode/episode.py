@@ -38,6 +38,7 @@ from .moving.arm_motion import make_motion_model
 from .moving.motion import MotionModel, SkippedPose
 from .setup import Setup
 from .step import Ending, Step
+from .sweeping.score import SweepScore, joined_reading, taught_together
 from .target_belief import TargetBelief, check_parts, checked_prediction, draws_of
 from .truth import Truth, make_truth
 
@@ -176,7 +177,7 @@ class Episode:
     def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
         start_s = perf_counter()
         approach = approach_first(
-            self.planner.rank(self.situation()),
+            self._motion_model.ranking(self.planner, self.situation()),
             self.setup.positioner,
             self._motion_model,
             self.data,
@@ -187,32 +188,37 @@ class Episode:
         if approach.motion is None or approach.answer is None:
             return None
         pose, motion = approach.pose, approach.motion
-        reading = self._read()
-        self._note_seen(number)
+        readings, passed, target = list[Reading](), list[int](), None
+        for halt in self._motion_model.halts(self.data, motion):
+            readings.append(self._read())
+            passed.append(pose if halt is None else halt)
+            self._note_seen(number)
+            if self.target is not None:
+                target = self.target.learn(number, readings[-1], self._scene_state.T_world_probe)
         sensed_s = perf_counter()
-        labels = self.trust.judge(LabelledPoints(*reading.labels))
-        self.readings.append(labels)
-        T, own = self._scene_state.T_world_probe, self.target
-        target = own.learn(number, reading, T) if own is not None else None
+        labels = [self.trust.judge(LabelledPoints(*reading.labels)) for reading in readings]
+        self.readings += labels
         auprc = self._update(labels)
-        self.sensed.append(pose)
+        self.sensed += passed
+        seconds = motion.motion_s + (0.0 if self._motion_model.senses_in_motion else self._sensing_s)
         return Step(
             step=number,
             pose_index=pose,
             ik=approach.answer,
-            reading=reading,
+            reading=joined_reading(readings),
             sensed_fraction=float((self.first_seen != NEVER).mean()) if self.first_seen.size else None,
             auprc=auprc,
             skipped=tuple(approach.skipped),
             motion=motion,
-            procedure_s=motion.motion_s + self._sensing_s,
+            procedure_s=seconds,
             plan_s=planned_s - start_s - approach.ik_s - approach.move_s,
             ik_s=approach.ik_s,
             move_s=approach.move_s,
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
             target=target,
-            body=None if self.body is None else self.body.done(motion.motion_s + self._sensing_s),
+            body=None if self.body is None else self.body.done(seconds),
+            sweep=SweepScore.of(motion, readings) if self._motion_model.senses_in_motion else None,
         )
 
     @property
@@ -256,24 +262,25 @@ class Episode:
         is_held = self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
         note_first(self.first_seen, number, is_held)
 
-    def _update(self, labels: LabelledPoints) -> float | None:
+    def _update(self, labels: list[LabelledPoints]) -> float | None:
         if self.tumour_map is None:
             return None
         self._learn(labels)
         self._predict()
         assert self.prediction is not None
-        self.trust.observe(labels, self.setup.search_points_m, self.prediction)
+        for each in labels:
+            self.trust.observe(each, self.setup.search_points_m, self.prediction)
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
-    def _learn(self, labels: LabelledPoints) -> None:
-        """Teach the map a reading, or all readings anew where the organ is now believed to lie elsewhere."""
+    def _learn(self, labels: list[LabelledPoints]) -> None:
+        """Teach the map an action's readings, or all readings anew where the organ is now believed to lie elsewhere."""
         anew = None if self.body is None else self.body.laid_anew(self.readings)
         if anew is not None:
             self.readings, self.tumour_map = anew, self._new_map()
             if self.target is not None:
                 self.target.lay_anew([reading.points_m for reading in anew], self._new_map())
         assert self.tumour_map is not None
-        for each in anew or [labels]:
+        for each in anew or taught_together(labels, self.setup.cone, self._map_settings):
             teach(self.tumour_map, each)
 
     def _predict(self) -> None:

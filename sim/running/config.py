@@ -20,6 +20,7 @@ from sim.world.motion.settings import MotionKind
 from .case import AnatomyConfig, CaseConfig
 from .placing.body import BodyConfig
 from .reader import ReaderConfig
+from .sweep import SweepConfig
 from .ultrasound import UltrasoundConfig
 
 Frames = Literal["each", "last", "none"]
@@ -241,6 +242,7 @@ class EpisodeConfig:
     mapping: MappingConfig = field(default_factory=MappingConfig)
     mounting: MountingConfig = field(default_factory=MountingConfig)
     moving: MovingConfig = field(default_factory=MovingConfig)
+    sweeping: SweepConfig = field(default_factory=SweepConfig)
     output: OutputConfig = field(default_factory=OutputConfig)
 
     def __post_init__(self) -> None:

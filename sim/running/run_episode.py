@@ -16,7 +16,6 @@ from tqdm import tqdm
 
 from planner import Planner
 from sim.episode.episode import Episode
-from sim.episode.moving.arm_motion import make_motion_model
 from sim.episode.moving.motion import ProcedureStoppedError
 from sim.episode.setup import Setup, build_setup
 from sim.episode.step import Step
@@ -37,6 +36,7 @@ from .output import Output, output_of
 from .parts import EpisodeParts, make_parts
 from .placing.arm_place import arm_fields, probe_text
 from .summary import Totals, episode_summary
+from .sweep import moving_parts
 
 if TYPE_CHECKING:
     from mapping import TumourMapFactory
@@ -121,6 +121,7 @@ def make_episode(
     Raises:
         WorldError, PlannerError: Something cannot be done.
     """
+    setup, motion_model = moving_parts(parts, setup)
     return Episode(
         setup,
         planner or parts.planner,
@@ -130,7 +131,7 @@ def make_episode(
         trust=parts.trust,
         tumour_map=parts.make_map,
         sensor=parts.sensor,
-        motion_model=make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings),
+        motion_model=motion_model,
         sensing_s=parts.motion_settings.sensing_s,
         casts_rays=casts_rays,
         plans_for_target=parts.plans_for_target,

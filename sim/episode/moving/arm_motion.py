@@ -89,6 +89,14 @@ class PathMotion(MotionModel):
             self._last, self._way_back = None, self._way_back_of(motion.states)
         return motion
 
+    def stand_at(self, pose: int) -> str:
+        """See `MotionModel.stand_at`: the probe is lifted by the way that it would come down."""
+        line = self._descent(pose)
+        if isinstance(line, str):
+            return line
+        self._last, self._way_back = pose, None
+        return ""
+
     def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
         """The motion along a plan, to the end of which the state is brought."""
         states = self._chain.full(plan.q)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from planner import Planner, Situation
 from sim.world.errors import WorldError
 from sim.world.motion.joint_limits import JointLimits
 from sim.world.motion.settings import MotionSettings
@@ -26,6 +27,7 @@ class Phase(IntEnum):
     TRANSFER = 1
     DESCEND = 2
     HOLD = 3
+    SWEEP = 4
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,10 @@ class Motion:
     """Largest contact force of the motion; None where there is no contact model."""
     reason: str = ""
     """Why the pose was not reached; empty if it was. Where there are states too, the arm moved and missed it."""
+    passed: tuple[int, ...] = ()
+    """The poses at, or next to, which readings are taken on the way, in order; none where one is taken at its end."""
+    passed_rows: tuple[int, ...] = ()
+    """The rows of the states in which they are taken."""
 
     @property
     def is_done(self) -> bool:
@@ -71,6 +77,18 @@ class Motion:
     def motion_s(self) -> float:
         """The time that it took [s]."""
         return float(self.time_s[-1]) if len(self.time_s) else 0.0
+
+    @property
+    def n_lift_offs(self) -> int:
+        """How often the probe was taken off the organ."""
+        is_lift = self.phases == int(Phase.LIFT)
+        return int(np.sum(is_lift & ~np.r_[False, is_lift[:-1]]))
+
+    @property
+    def contact_path_m(self) -> float:
+        """The length of the tip's way over the organ [m]."""
+        steps_m = np.linalg.norm(np.diff(self.tips_m, axis=0), axis=1)
+        return float(steps_m[self.phases[1:] == int(Phase.SWEEP)].sum())
 
     @property
     def tip_path_m(self) -> float:
@@ -100,6 +118,13 @@ def joined(motions: Sequence[Motion]) -> Motion:
     time_s = np.concatenate([start_s + part.time_s for start_s, part in zip(starts_s, motions, strict=False)])
     # A motion may begin with the state, and at the time, that the one before ended with.
     is_new = np.r_[True, np.diff(time_s) > 0.0]
+    row_of = np.cumsum(is_new) - 1
+    firsts = np.concatenate([[0], np.cumsum([len(part.time_s) for part in motions])]).astype(int)
+    rows = [
+        int(row_of[first + row])
+        for first, part in zip(firsts, motions, strict=False)
+        for row in part.passed_rows
+    ]
     travels_rad = [part.joint_travel_rad for part in motions if part.joint_travel_rad is not None]
     peaks_n = [part.peak_force_n for part in motions if part.peak_force_n is not None]
     return replace(
@@ -110,6 +135,8 @@ def joined(motions: Sequence[Motion]) -> Motion:
         phases=np.concatenate([part.phases for part in motions])[is_new],
         joint_travel_rad=sum(travels_rad) if travels_rad else None,
         peak_force_n=max(peaks_n) if peaks_n else None,
+        passed=tuple(pose for part in motions for pose in part.passed),
+        passed_rows=tuple(rows),
     )
 
 
@@ -129,6 +156,42 @@ class MotionModel(ABC):
     """Estimates how long ways take; None where there is no estimate."""
     notices: tuple[str, ...] = ()
     """What is to be known about the motion: with which limits an arm moves."""
+    senses_in_motion: bool = False
+    """Whether the time of sensing is a part of the motion."""
+
+    def ranking(self, planner: Planner, situation: Situation) -> Iterator[int]:
+        """The poses to try to bring the probe to, best first.
+
+        Args:
+            planner: Ranks them.
+            situation: What is known so far.
+        """
+        return planner.rank(situation)
+
+    def halts(self, data: mujoco.MjData, motion: Motion) -> Iterator[int | None]:
+        """Brings a state to each place of a motion at which a reading is taken, one after the other, the end being one.
+
+        Args:
+            data: The state at the end of the motion.
+            motion: The motion.
+
+        Yields:
+            The index of the pose there; None for the pose that the motion led to.
+        """
+        yield None
+
+    def stand_at(self, pose: int) -> str:
+        """Takes the probe to be at a pose to which something else has brought it.
+
+        Args:
+            pose: Index in the workspace.
+
+        Returns:
+            Why it cannot be lifted from there, as a sentence, and is not taken to be there; empty where it can.
+        """
+        raise NotImplementedError(
+            f"{type(self).__name__} moves the probe by itself alone, to pose {pose} too"
+        )
 
     @abstractmethod
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
@@ -165,6 +228,11 @@ class JumpMotion(MotionModel):
         self._settings = settings or MotionSettings()
         self.travel = Travel(positioner, limits, self._settings)
         self._last: int | None = None
+
+    def stand_at(self, pose: int) -> str:
+        """See `MotionModel.stand_at`: a jump leads from anywhere."""
+        self._last = pose
+        return ""
 
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
         """See `MotionModel.move`."""

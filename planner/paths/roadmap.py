@@ -18,6 +18,8 @@ from ..workspace import Workspace
 _N_NEIGHBOURS = 20
 """Nearest poses that are looked at: on a square grid all moves within two squares, the knight's among them. No way
 is then farther than 13 degrees from an edge, nor longer than the geodesic by more than 1 / cos 13 degrees."""
+_N_LIKE = 9
+"""Poses about a place of which one stands for it."""
 _MOST_GAP = 2.5
 """Neighbours are at most this many times the median spacing apart."""
 _MOST_TURN_RAD = np.deg2rad(60.0)
@@ -113,9 +115,23 @@ class Roadmap:
         """
         return _ways(self, int(start))
 
-    def nearest(self, places_m: NDArray[np.float64]) -> NDArray[np.intp]:
-        """The poses nearest to places [m], shape (K,) for (K, 3)."""
-        return np.asarray(self._tree.query(places_m)[1], dtype=np.intp)
+    def nearest(
+        self, places_m: NDArray[np.float64], beams: NDArray[np.float64], lever_m: float
+    ) -> NDArray[np.intp]:
+        """The poses that look most nearly from some places along some beams, shape (K,).
+
+        Of the poses about a place it is the one whose place and, at a depth, the point on the beam lie nearest together.
+
+        Args:
+            places_m: Places on the surface [m], shape (K, 3).
+            beams: Unit vectors, shape (K, 3).
+            lever_m: The depth [m].
+        """
+        count = min(_N_LIKE, self.workspace.n_poses)
+        index = np.asarray(self._tree.query(places_m, k=[*range(1, count + 1)])[1], dtype=np.intp)
+        away_m = np.linalg.norm(self.workspace.positions_m[index] - places_m[:, None], axis=2)
+        off_m = lever_m * np.linalg.norm(self.workspace.normals[index] - beams[:, None], axis=2)
+        return index[np.arange(len(index)), np.argmin(away_m + off_m, axis=1)]
 
     @cached_property
     def _tree(self) -> KDTree:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -86,16 +85,6 @@ class ArmPositioner(Positioner):
             position_m, normal = self.workspace.positions_m[pose], self.workspace.normals[pose]
             self._answers[pose] = self._kinematics.solve(position_m, normal)
         return self._answers[pose]
-
-    def with_answers(self, answers: Mapping[int, IkResult]) -> ArmPositioner:
-        """The same positioner, which reaches some poses in other configurations.
-
-        Args:
-            answers: The answer for each of these poses.
-        """
-        other = copy.copy(self)
-        other._answers = self._answers | dict(answers)
-        return other
 
     def is_prepared(self, pose: int) -> bool:
         """See `Positioner.is_prepared`."""

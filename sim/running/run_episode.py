@@ -36,7 +36,7 @@ from .output import Output, output_of
 from .parts import EpisodeParts, make_parts
 from .placing.arm_place import arm_fields, probe_text
 from .summary import Totals, episode_summary
-from .sweep import moving_parts
+from .sweep import motion_model_of
 
 if TYPE_CHECKING:
     from mapping import TumourMapFactory
@@ -121,7 +121,6 @@ def make_episode(
     Raises:
         WorldError, PlannerError: Something cannot be done.
     """
-    setup, motion_model = moving_parts(parts, setup)
     return Episode(
         setup,
         planner or parts.planner,
@@ -131,7 +130,7 @@ def make_episode(
         trust=parts.trust,
         tumour_map=parts.make_map,
         sensor=parts.sensor,
-        motion_model=motion_model,
+        motion_model=motion_model_of(parts, setup),
         sensing_s=parts.motion_settings.sensing_s,
         casts_rays=casts_rays,
         plans_for_target=parts.plans_for_target,

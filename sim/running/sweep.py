@@ -114,8 +114,8 @@ def _check_company(config: EpisodeConfig) -> None:
         )
 
 
-def moving_parts(parts: EpisodeParts, setup: Setup) -> tuple[Setup, MotionModel]:
-    """The setup of an episode and its motion model; in a sweep the arm has other configurations at the same poses.
+def motion_model_of(parts: EpisodeParts, setup: Setup) -> MotionModel:
+    """A fresh motion model for one episode.
 
     Args:
         parts: What to run.
@@ -126,6 +126,5 @@ def moving_parts(parts: EpisodeParts, setup: Setup) -> tuple[Setup, MotionModel]
     from sim.episode.sweeping.making import make_sweep_motion
 
     if parts.sweep is None:
-        return setup, make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings)
-    ground = ground_of(setup)
-    return ground.setup, make_sweep_motion(ground, parts.motion, parts.sweep, parts.motion_settings)
+        return make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings)
+    return make_sweep_motion(ground_of(setup), parts.motion, parts.sweep, parts.motion_settings)

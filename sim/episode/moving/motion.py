@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from planner import Planner, Situation
 from sim.world.errors import WorldError
-from sim.world.motion.joint_limits import JointLimits
-from sim.world.motion.settings import MotionSettings
+from sim.world.ik.settings import IkSettings
 
 from ..positioner import Positioner
 from .travel import Travel
@@ -180,10 +179,11 @@ class MotionModel(ABC):
         """
         yield None
 
-    def stand_at(self, pose: int) -> str:
+    def stand_at(self, data: mujoco.MjData, pose: int) -> str:
         """Takes the probe to be at a pose to which something else has brought it.
 
         Args:
+            data: The state at the pose, which is left as it is.
             pose: Index in the workspace.
 
         Returns:
@@ -210,72 +210,30 @@ class MotionModel(ABC):
         """
 
 
-class JumpMotion(MotionModel):
-    """A motion model that jumps from station to station: lift, stand-off, contact. Nothing between them is checked.
-
-    The time is an estimate: all joints go straight and start and stop together, and the tip keeps its speed limits.
-    """
-
-    def __init__(
-        self,
-        positioner: Positioner,
-        tip_site: str,
-        limits: JointLimits | None,
-        settings: MotionSettings | None = None,
-    ) -> None:
-        """Move what `positioner` carries; `limits` are those of all joints of the scene, None for a free probe."""
-        self._positioner, self._tip_site, self._limits = positioner, tip_site, limits
-        self._settings = settings or MotionSettings()
-        self.travel = Travel(positioner, limits, self._settings)
-        self._last: int | None = None
-
-    def stand_at(self, pose: int) -> str:
-        """See `MotionModel.stand_at`: a jump leads from anywhere."""
-        self._last = pose
-        return ""
-
-    def move(self, data: mujoco.MjData, pose: int) -> Motion:
-        """See `MotionModel.move`."""
-        stations = [(pose, True, Phase.TRANSFER), (pose, False, Phase.DESCEND)]
-        if self._last is not None:
-            stations = [(self._last, False, Phase.LIFT), (self._last, True, Phase.LIFT), *stations]
-        tips_m, states = [], []
-        # An arm comes from where it stands, a free probe from nowhere.
-        if self._last is None and data.model.nq:
-            tips_m, states = [data.site(self._tip_site).xpos.copy()], [state_of(data)]
-        for at, is_lifted, _ in stations:
-            self._positioner.place(data, at, is_lifted=is_lifted)
-            tips_m.append(data.site(self._tip_site).xpos.copy())
-            states.append(state_of(data))
-        self._last = pose
-        phases = [Phase.TRANSFER] * (len(states) - len(stations)) + [phase for *_, phase in stations]
-        q, tips = np.array(states), np.array(tips_m)
-        durations_s = [
-            self._duration_s(q[i], q[i + 1], tips[i : i + 2], phases[i + 1]) for i in range(len(q) - 1)
-        ]
-        return Motion(
-            time_s=np.concatenate([[0.0], np.cumsum(durations_s)]),
-            states=q,
-            tips_m=tips,
-            phases=np.array(phases, dtype=np.int8),
-            joint_travel_rad=joint_travel_rad(data.model, q),
-        )
-
-    def _duration_s(
-        self, start: NDArray[np.float64], end: NDArray[np.float64], tips_m: NDArray[np.float64], phase: Phase
-    ) -> float:
-        settings = self._settings
-        speed = settings.tip_speed_m_s if phase is Phase.TRANSFER else settings.approach_speed_m_s
-        tip_s = float(np.linalg.norm(tips_m[1] - tips_m[0])) / speed
-        if self._limits is None:
-            return tip_s
-        joints_s = self._limits.rest_to_rest_s(np.abs(end - start))
-        return max(tip_s, float(joints_s.max(initial=0.0)))
-
-
 def state_of(data: mujoco.MjData) -> NDArray[np.float64]:
     """The joint positions of a state, or the pose of a free probe's body."""
     return data.qpos.copy() if data.model.nq else np.concatenate([data.mocap_pos[0], data.mocap_quat[0]])
+
+
+def set_state(data: mujoco.MjData, state: NDArray[np.float64]) -> None:
+    """Bring a scene to a state that a motion went through; its kinematics are up to date after."""
+    if data.model.nq:
+        data.qpos[:] = state
+    else:
+        data.mocap_pos[0], data.mocap_quat[0] = state[:3], state[3:]
+    mujoco.mj_fwdPosition(data.model, data)
+
+
+def lifted_state(data: mujoco.MjData, positioner: Positioner, tip_site: str) -> NDArray[np.float64] | str:
+    """The state with the tip lifted along its beam to the stand-off, or why there is none; `data` stays as it is."""
+    before, tip = state_of(data), data.site(tip_site)
+    T = np.eye(4)
+    T[:3, :3] = tip.xmat.reshape(3, 3)
+    T[:3, 3] = tip.xpos - IkSettings().standoff_m * T[:3, 2]
+    reason = positioner.shift(data, T)
+    lifted = state_of(data)
+    set_state(data, before)
+    return reason or lifted
 
 
 def joint_travel_rad(model: mujoco.MjModel, q: NDArray[np.float64]) -> float | None:

@@ -1,8 +1,8 @@
-"""The ground of a sweep: where on the organ the probe glides from pose to pose, and in which configurations."""
+"""The ground of a sweep: where on the organ the probe glides from pose to pose."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from planner import visible_points
 from planner.paths.roadmap import Roadmap
 from sim.world.anatomy.structures import is_pressable
-from sim.world.ik.damped_least_squares import descend
-from sim.world.ik.result import IkResult, IkStatus
-from sim.world.ik.slide_field import MAX_MOVE_RAD, SlideField, slide_field, smoothed
+from sim.world.frames import frames_along
+from sim.world.ik.slide_field import slide_field
 from sim.world.scene.clearance import PROBE_MARGIN_M
 from sim.world.solids.surface_distance import SurfaceDistance, surface_distance_of
 
@@ -23,8 +22,6 @@ from ..setup import Setup
 MOST_OFF_M = 0.002
 """The middle of the chord between two poses is no farther than this from the surface, or they lie on two sides of a
 fold [m]."""
-MOST_SLIP_M = 0.002
-"""Half-way between the configurations of two poses the tip is no farther than this from the middle between them [m]."""
 N_ROOTS = 200
 """Poses, spread over the workspace, whose inverse kinematics is solved; to the others the arm slides from these."""
 LEAST_ISLAND = 0.01
@@ -37,7 +34,7 @@ class Ground:
 
     roadmap: Roadmap
     setup: Setup
-    """The setup, whose positioner answers with the configurations between which the arm slides."""
+    """Organ, poses, structures and what carries the probe."""
     surface: SurfaceDistance
     notices: tuple[str, ...]
     """What is to be known about the roadmap: islands between which the probe has to be lifted."""
@@ -63,68 +60,25 @@ def ground_of(setup: Setup) -> Ground:
     is_open &= is_pressable(middles_m - distance_m[:, None] * outward, setup.structures, keepout_m)
     roadmap = roadmap.part(is_open)
     if isinstance(setup.positioner, ArmPositioner):
-        roadmap, answers = _of_arm(setup, setup.positioner, roadmap)
-        setup = replace(setup, positioner=setup.positioner.with_answers(answers))
+        roadmap = _of_arm(setup.positioner, roadmap)
     return Ground(roadmap=roadmap, setup=setup, surface=surface, notices=_notices(setup, roadmap))
 
 
-def _of_arm(setup: Setup, positioner: ArmPositioner, roadmap: Roadmap) -> tuple[Roadmap, dict[int, IkResult]]:
-    """The edges along which the arm slides, and its configurations at the poses that have some."""
-    search, workspace = positioner.search, setup.workspace
+def _of_arm(positioner: ArmPositioner, roadmap: Roadmap) -> Roadmap:
+    """The edges within the regions over which the arm slides."""
+    search, workspace = positioner.search, roadmap.workspace
     chain = search.chain
     roots = np.arange(0, workspace.n_poses, max(1, workspace.n_poses // N_ROOTS))
     found = search.search(workspace.positions_m[roots], workspace.normals[roots])
     q, score = np.tile(chain.home, (workspace.n_poses, 1)), np.full(workspace.n_poses, -np.inf)
     q[roots], score[roots] = found.q[:, chain.columns], np.nan_to_num(found.clearance_m, nan=-np.inf)
     # The arm slides from the roots to all others that it reaches at all.
-    field = slide_field(search, workspace, q, np.ones(workspace.n_poses, dtype=bool), score)
-    field = smoothed(search, workspace, field, roadmap.pairs)
-    answers = _answers(positioner, setup, field)
+    region = slide_field(search, workspace, q, np.ones(workspace.n_poses, dtype=bool), score).region
+    frames = frames_along(workspace.normals)
+    probe_m, _ = search.clearance.best_turn_distances(workspace.positions_m, frames)
+    region[probe_m < PROBE_MARGIN_M] = -1
     a, b = roadmap.pairs.T
-    is_kept = np.isin(a, list(answers)) & np.isin(b, list(answers)) & (field.region[a] == field.region[b])
-    is_kept &= np.abs(field.q[a] - field.q[b]).max(axis=1) <= MAX_MOVE_RAD
-    tips_m = chain.forward((field.q[a] + field.q[b]) / 2.0).tips_m
-    middles_m = workspace.positions_m[roadmap.pairs].mean(axis=1)
-    is_kept &= np.linalg.norm(tips_m - middles_m, axis=1) <= MOST_SLIP_M
-    return roadmap.part(is_kept), answers
-
-
-def _answers(positioner: ArmPositioner, setup: Setup, field: SlideField) -> dict[int, IkResult]:
-    """The answers of a field: at the poses above which the probe can be lifted to the stand-off."""
-    search, workspace = positioner.search, setup.workspace
-    chain, settings, inside = search.chain, search.settings, np.flatnonzero(field.region >= 0)
-    lifted_m = workspace.positions_m[inside] - settings.standoff_m * workspace.normals[inside]
-    above, here = (
-        descend(
-            chain, field.q[inside], places_m, workspace.normals[inside], centring_gain=0.0, max_steps=n_steps,
-            position_tolerance_m=settings.position_tolerance_m, angle_tolerance_rad=settings.angle_tolerance_rad,
-        )
-        for places_m, n_steps in ((lifted_m, 40), (workspace.positions_m[inside], 0))
-    )  # fmt: skip
-    is_there = np.ones(len(inside), dtype=bool)
-    for end in (above, here):
-        is_there &= (end.distance_m <= settings.position_tolerance_m) & (
-            end.angle_rad <= settings.angle_tolerance_rad
-        )
-        state = chain.forward(end.q)
-        probe_m, _ = search.clearance.probe_distances(state.tips_m, state.R_world_tip)
-        is_there &= probe_m >= PROBE_MARGIN_M
-    # That nothing else touches at the poses themselves is what the field was made by.
-    is_there &= search.meter.measure(chain.full(above.q)).is_free
-    q, q_above = chain.full(field.q[inside]), chain.full(above.q)
-    return {
-        int(pose): IkResult(
-            IkStatus.REACHED,
-            q[row],
-            q_above[row],
-            float(here.distance_m[row]),
-            float(here.angle_rad[row]),
-            0,
-            0,
-        )
-        for row, pose in enumerate(inside)
-        if is_there[row]
-    }
+    return roadmap.part((region[a] >= 0) & (region[a] == region[b]))
 
 
 def _notices(setup: Setup, roadmap: Roadmap) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from planner import Planner, Situation
 from sim.world.ik.settings import IkSettings
 from sim.world.motion.settings import MotionSettings
 
-from ..moving.motion import Motion, MotionModel, Phase, joined, state_of
+from ..moving.motion import Motion, MotionModel, Phase, joined, set_state, state_of
 from ..moving.travel import Travel
 from .ground import Ground
 from .settings import SweepSettings
@@ -119,14 +119,15 @@ class SweepMotion(MotionModel):
                 reason = "The way over the surface crosses what must not be pressed."
                 continue
             rows = way.readings(self._settings.read_every_m)
-            motion = self._slide.move(data, way, path, rows)
+            motion = self._slide.move(data, way, rows)
             if isinstance(motion, str):
                 reason = motion
                 continue
-            if reason := self._inner.stand_at(path[-1]):
+            if reason := self._inner.stand_at(data, path[-1]):
                 set_state(data, before)
                 return reason
-            poses = self._ground.roadmap.nearest(way.places_m[rows])
+            lever_m = self._ground.setup.cone.depth_m / 2.0
+            poses = self._ground.roadmap.nearest(way.places_m[rows], way.beams[rows], lever_m)
             poses[-1] = path[-1]
             return replace(motion, passed=tuple(poses.tolist()))
         return reason
@@ -176,12 +177,3 @@ class SweepTravel(Travel):
         places_m = self._ground.setup.workspace.positions_m
         over_s = np.linalg.norm(places_m[poses] - places_m[start], axis=1) / self._speeds.tip_speed_m_s
         return over_s + self._up_down_s + self._speeds.sensing_s
-
-
-def set_state(data: mujoco.MjData, state: NDArray[np.float64]) -> None:
-    """Bring a scene to a state that a motion went through."""
-    if data.model.nq:
-        data.qpos[:] = state
-    else:
-        data.mocap_pos[0], data.mocap_quat[0] = state[:3], state[3:]
-    mujoco.mj_fwdPosition(data.model, data)

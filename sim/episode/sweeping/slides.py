@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.frames import frames_along
-from sim.world.ik.damped_least_squares import descend
+from sim.world.ik.damped_least_squares import Descent, descend
 from sim.world.motion.joint_limits import JointLimits
-from sim.world.motion.path_search import LINE_TOLERANCE_M, LINE_TOLERANCE_RAD, PathSearch
+from sim.world.motion.path_search import LINE_TOLERANCE_M, PathSearch
 from sim.world.motion.timing import PathTimer, Trajectory
 
 from ..moving.arm_motion import RECORD_DT_S
@@ -20,20 +19,24 @@ from ..moving.motion import Motion, Phase, joint_travel_rad, state_of
 from ..positioner import ArmPositioner, Positioner
 from .surface_way import SurfaceWay
 
+EVERY = 2
+"""Of the places of a way every second is reached from the one before."""
+SLIDE_TILT_RAD = 0.03
+"""The beam may lag behind the way's by this much: where an arm is near a singular configuration it turns slowly."""
+CENTRING = 0.005
+"""Share of the way to the middle of its range that a joint goes in a step there, as far as the way leaves it free."""
+
 
 class Slide(ABC):
     """Brings a probe along ways over the organ."""
 
     @abstractmethod
-    def move(
-        self, data: mujoco.MjData, way: SurfaceWay, path: Sequence[int], rows: NDArray[np.intp]
-    ) -> Motion | str:
+    def move(self, data: mujoco.MjData, way: SurfaceWay, rows: NDArray[np.intp]) -> Motion | str:
         """Bring a state along a way.
 
         Args:
             data: A state at the beginning of the way; it is brought to the end, or left where there is no motion.
             way: The way.
-            path: The poses that it was made from.
             rows: Places of the way whose states the motion tells in `passed_rows`.
 
         Returns:
@@ -48,9 +51,7 @@ class FreeSlide(Slide):
         """Bring along what `positioner` carries."""
         self._positioner, self._speed = positioner, tip_speed_m_s
 
-    def move(
-        self, data: mujoco.MjData, way: SurfaceWay, path: Sequence[int], rows: NDArray[np.intp]
-    ) -> Motion | str:
+    def move(self, data: mujoco.MjData, way: SurfaceWay, rows: NDArray[np.intp]) -> Motion | str:
         """See `Slide.move`."""
         states = []
         for place_m, R in zip(way.places_m, frames_along(way.beams), strict=True):
@@ -69,7 +70,7 @@ class FreeSlide(Slide):
 
 
 class ArmSlide(Slide):
-    """The slide of an arm from one configuration of the ground to the next, each checked, timed within its limits."""
+    """The slide of an arm, whose configurations go on from the present one, each checked, timed within its limits."""
 
     def __init__(
         self,
@@ -83,7 +84,7 @@ class ArmSlide(Slide):
         """Move what `positioner` carries.
 
         Args:
-            positioner: Has the configurations of the ground.
+            positioner: What carries the probe.
             paths: Checks the way.
             tip_speed_m_s: Speed limit of the tip in contact.
             timer: Times the way; None for an estimate, by which all joints go on as fast as the slowest can.
@@ -92,11 +93,9 @@ class ArmSlide(Slide):
         self._positioner, self._paths, self._speed = positioner, paths, tip_speed_m_s
         self._timer, self._limits, self._chain = timer, limits, positioner.search.chain
 
-    def move(
-        self, data: mujoco.MjData, way: SurfaceWay, path: Sequence[int], rows: NDArray[np.intp]
-    ) -> Motion | str:
+    def move(self, data: mujoco.MjData, way: SurfaceWay, rows: NDArray[np.intp]) -> Motion | str:
         """See `Slide.move`."""
-        q = self._configurations(way, path)
+        q = self._configurations(data.qpos[self._chain.columns].copy(), way)
         if isinstance(q, str):
             return q
         checked = self._paths.slide(q, way.places_m, way.beams)
@@ -118,21 +117,31 @@ class ArmSlide(Slide):
             passed_rows=tuple(_rows_at(tips_m, way.along_m[rows] / way.along_m[-1])),
         )
 
-    def _configurations(self, way: SurfaceWay, path: Sequence[int]) -> NDArray[np.float64] | str:
-        """Configurations of the chain at the places of a way, shape (K, n), or why there are none."""
-        chain = self._chain
-        corners = np.array([self._positioner.reach(pose).q[chain.columns] for pose in path])
-        at = np.arange(len(path), dtype=np.float64)
-        seeds = np.column_stack([np.interp(way.shares, at, column) for column in corners.T])
-        found = descend(
-            chain, seeds, way.places_m, way.beams, centring_gain=0.0,
-            position_tolerance_m=LINE_TOLERANCE_M, angle_tolerance_rad=LINE_TOLERANCE_RAD,
-        )  # fmt: skip
-        q = np.vstack([corners[:1], found.q[1:-1], corners[-1:]])
-        is_off = (found.distance_m > LINE_TOLERANCE_M) | (found.angle_rad > LINE_TOLERANCE_RAD)
-        if is_off[1:-1].any():
+    def _configurations(self, q_start: NDArray[np.float64], way: SurfaceWay) -> NDArray[np.float64] | str:
+        """Configurations of the chain at the places of a way, shape (K, n), or why there are none.
+
+        They are continued from the present one: to every second place the joints move as little as they can, with a
+        slight pull towards the middle of their ranges, and between these they are solved together.
+        """
+        stations = np.unique(np.append(np.arange(0, len(way.places_m), EVERY), len(way.places_m) - 1))
+        carried = [q_start]
+        for station in stations[1:]:
+            found = self._descend(carried[-1][None], way, station[None], CENTRING)
+            if not _is_there(found).all():
+                return "The arm cannot keep the probe on the surface all the way."
+            carried.append(found.q[0])
+        at = np.arange(len(way.places_m))
+        seeds = np.column_stack([np.interp(at, stations, column) for column in np.array(carried).T])
+        found = self._descend(seeds, way, at, 0.0)
+        if not _is_there(found).all():
             return "The arm cannot keep the probe on the surface all the way."
-        return q
+        return np.vstack([q_start, found.q[1:]])
+
+    def _descend(self, q: NDArray[np.float64], way: SurfaceWay, at: NDArray[np.intp], gain: float) -> Descent:
+        return descend(
+            self._chain, q, way.places_m[at], way.beams[at], centring_gain=gain, max_steps=20,
+            position_tolerance_m=LINE_TOLERANCE_M, angle_tolerance_rad=SLIDE_TILT_RAD,
+        )  # fmt: skip
 
     def _estimated(self, q: NDArray[np.float64], way: SurfaceWay) -> Trajectory:
         """The way in the time that its tip and the slowest of its joints need, evenly along it."""
@@ -141,6 +150,10 @@ class ArmSlide(Slide):
             way.along_m[-1] / self._speed, float(self._limits.rest_to_rest_s(turns).max(initial=0.0))
         )
         return Trajectory(seconds * way.along_m / way.along_m[-1], q, np.zeros_like(q))
+
+
+def _is_there(found: Descent) -> NDArray[np.bool_]:
+    return (found.distance_m <= LINE_TOLERANCE_M) & (found.angle_rad <= SLIDE_TILT_RAD)
 
 
 def _rows_at(tips_m: NDArray[np.float64], shares: NDArray[np.float64]) -> list[int]:

@@ -28,9 +28,6 @@ class SurfaceWay:
     """Where the beam points, unit vectors into the organ, shape (K, 3)."""
     along_m: NDArray[np.float64]
     """Length of the way up to each place [m], shape (K,)."""
-    shares: NDArray[np.float64]
-    """Where each place lay on the path before it was made smooth: its pose counted from 0, and how far it is from there
-    to the next, shape (K,)."""
 
     def readings(self, every_m: float) -> NDArray[np.intp]:
         """The places at which readings are taken, see `read_at`."""
@@ -47,8 +44,8 @@ def surface_way(
 ) -> SurfaceWay:
     """The smooth way along neighbouring poses.
 
-    Places and normals are averaged over a window that shrinks to nothing at both ends, and the places are brought back
-    to the surface.
+    Places are averaged over a window that shrinks to nothing at both ends, and brought back to the surface. Normals are
+    averaged over one that is cut off there; the beam then turns evenly to the poses' own over the last part of the way.
 
     Args:
         workspace: The poses.
@@ -62,8 +59,9 @@ def surface_way(
     n = max(2, int(np.ceil(at_m[-1] / STEP_M)) + 1)
     even_m = np.linspace(0.0, at_m[-1], n)
     places_m, along = _between(even_m, at_m, corners_m), _unit(_between(even_m, at_m, normals))
-    places_m, beams = (_averaged(each, even_m, smooth_m) for each in (places_m, along))
-    ends = [0, -1]
+    ends, room_m = [0, -1], np.minimum(even_m, even_m[-1] - even_m)
+    places_m = _averaged(places_m, even_m, np.minimum(smooth_m, room_m))
+    beams = _to_ends(_averaged(along, even_m, np.full(n, smooth_m)), normals[ends], even_m, smooth_m)
     inner = places_m[1:-1]
     if len(inner):
         distance_m, outward = surface.signed_distance_and_outward(inner)
@@ -75,7 +73,6 @@ def surface_way(
         places_m=places_m,
         beams=beams,
         along_m=np.concatenate([[0.0], np.cumsum(steps_m)]),
-        shares=np.interp(even_m, at_m, np.arange(len(path), dtype=np.float64)),
     )
 
 
@@ -87,14 +84,25 @@ def _between(
 
 
 def _averaged(
-    values: NDArray[np.float64], along_m: NDArray[np.float64], half_m: float
+    values: NDArray[np.float64], along_m: NDArray[np.float64], half_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Mean of the values within a window about each place, which shrinks towards both ends, shape (K, 3)."""
-    room_m = np.minimum(half_m, np.minimum(along_m, along_m[-1] - along_m))
-    first = np.searchsorted(along_m, along_m - room_m - 1e-9)
-    last = np.searchsorted(along_m, along_m + room_m + 1e-9, side="right")
+    """Mean of the values within a window about each place, which is cut off at both ends, shape (K, 3)."""
+    first = np.searchsorted(along_m, along_m - half_m - 1e-9)
+    last = np.searchsorted(along_m, along_m + half_m + 1e-9, side="right")
     sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(values, axis=0)])
     return (sums[last] - sums[first]) / (last - first)[:, None]
+
+
+def _to_ends(
+    values: NDArray[np.float64], ends: NDArray[np.float64], along_m: NDArray[np.float64], within_m: float
+) -> NDArray[np.float64]:
+    """Values that come evenly, over a part of the way, to what they shall be at both ends, shape (K, 3)."""
+    within_m = max(min(within_m, float(along_m[-1])), 1e-9)
+    moved = values.copy()
+    for row, away_m in ((0, along_m), (-1, along_m[-1] - along_m)):
+        share = np.maximum(1.0 - away_m / within_m, 0.0)
+        moved += share[:, None] * (ends[row] - values[row])
+    return moved
 
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -23,8 +23,6 @@ N_NEIGHBOURS = 8
 """Nearest poses that count as neighbours: as many as stand around a pose of a grid."""
 MAX_GAP = 3.0
 """Neighbours are at most this many times the median spacing away."""
-N_SMOOTHED = 6
-"""Times that a field is smoothed: the next ones hardly change it."""
 MAX_MOVE_RAD = 0.35
 """A joint that turns (or slides) more than this between neighbours has not merely slid along [rad or m]."""
 
@@ -79,47 +77,6 @@ def slide_field(
                 pairs = [(a, b) for a, b in pairs if region[b] < 0 and taken.get(b) != a]
         n_regions += 1
     return SlideField(carried, _by_size(region))
-
-
-def smoothed(
-    search: IkSearch, workspace: Workspace, field: SlideField, pairs: NDArray[np.intp]
-) -> SlideField:
-    """A field whose configurations lie closer to those of their neighbours.
-
-    Each is replaced, some times over, by the one that the arm comes to from the mean of its neighbours', moving its
-    joints as little as it can.
-
-    Args:
-        search: Solves for the arm.
-        workspace: The N poses.
-        field: Where to begin; its regions stay as they are.
-        pairs: The neighbours, shape (E, 2).
-    """
-    q, inside, settings = field.q.copy(), np.flatnonzero(field.region >= 0), search.settings
-    ends = np.concatenate([pairs, pairs[:, ::-1]])
-    own, other = ends[field.region[ends[:, 0]] == field.region[ends[:, 1]]].T
-    count = np.bincount(own, minlength=len(q))[inside, None] + 1
-    for _ in range(N_SMOOTHED):
-        total = q.copy()
-        np.add.at(total, own, q[other])
-        end = descend(
-            search.chain,
-            total[inside] / count,
-            workspace.positions_m[inside],
-            workspace.normals[inside],
-            position_tolerance_m=settings.position_tolerance_m,
-            angle_tolerance_rad=settings.angle_tolerance_rad,
-            max_steps=12,
-            centring_gain=0.0,
-        )
-        is_there = (end.distance_m <= settings.position_tolerance_m) & (
-            end.angle_rad <= settings.angle_tolerance_rad
-        )
-        q[inside[is_there]] = end.q[is_there]
-    is_free = search.meter.measure(search.chain.full(q[inside])).is_free
-    touching = inside[~is_free]
-    q[touching] = field.q[touching]
-    return SlideField(q, field.region)
 
 
 def _move(

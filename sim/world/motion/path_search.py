@@ -36,8 +36,10 @@ ARCH_TOLERANCE_M, ARCH_TOLERANCE_RAD = 0.01, 0.1
 """How closely the arm follows an arch."""
 FLANK_SLACK_M = 5e-4
 """Between pose and stand-off the probe's flank may seem this deep in the organ: what the distance grid rounds off."""
-SLIDE_TOLERANCE_M, SLIDE_TOLERANCE_RAD = 5e-4, 0.02
+SLIDE_TOLERANCE_M, SLIDE_TOLERANCE_RAD = 5e-4, 0.06
 """How closely tip and beam follow a way over the surface, also between the configurations that it is made of."""
+MAX_SLIDE_TURN_RAD = 0.35
+"""No joint turns more than this between two configurations of such a way [rad or m]: more is no sliding."""
 CURVE_SAMPLES = 3
 """A rounded path is looked at this many times per knot of its curve: between those it is as good as straight."""
 
@@ -116,7 +118,7 @@ class PathSearch:
             beams: Where the beam points in each, unit vectors, shape (K, 3).
         """
         steps = np.abs(np.diff(q, axis=0)).max(axis=1)
-        if steps.max() > MAX_LINE_TURN_RAD:
+        if steps.max() > MAX_SLIDE_TURN_RAD:
             return Path((), "The arm cannot slide on without turning over.")
         # The tip goes as far from each configuration to the next, and a spline over that way swings least.
         curve = CubicSpline(np.arange(len(q), dtype=np.float64), q)

@@ -15,6 +15,8 @@ from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
 from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
+from .paths.boustrophedon import Boustrophedon
+from .paths.find_and_outline_paths import FindAndOutlinePaths
 from .planner import Planner
 from .random_order import RandomOrder
 from .trained import Trained
@@ -31,6 +33,8 @@ _PLANNERS: dict[str, type[Any]] = {
     "expected-volume": ExpectedVolume,
     "greedy-coverage": GreedyCoverage,
     "trained": Trained,
+    "find-and-outline-paths": FindAndOutlinePaths,
+    "boustrophedon": Boustrophedon,
 }
 
 

@@ -185,11 +185,17 @@ class FindAndOutline(Planner):
 
             outline = v sum over open points x in the pose's cone of  max(p(x), floor),   v the volume of a cell
 
-        Open points lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding
-        that is not confirmed yet is open for some looks more, see `unconfirmed_points` and `suspects`.
-
         Args:
             situation: What is known so far.
+        """
+        cell_m3 = fine_lattice(situation.search_points_m).cell_m3
+        return cell_m3 * seen_weight(situation.workspace, situation.cone, *self.open_points(situation))
+
+    def open_points(self, situation: Situation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The points that are left to outline [m], shape (F, 3), and how likely each is tumour, shape (F,).
+
+        They lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding that is
+        not confirmed yet is open for some looks more, see `unconfirmed_points` and `suspects`.
         """
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
@@ -204,7 +210,7 @@ class FindAndOutline(Planner):
         chance = suspected.chance_at(points_m)
         is_open |= chance > 0.0
         weights = np.maximum(np.maximum(probability[around], chance), self.floor)[is_open]
-        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
+        return points_m[is_open], weights
 
     def confidence(self, situation: Situation) -> float:
         """The probability that no tumour of `sure_radius_m` or more is left to find; 0 while one is left to outline.

@@ -128,7 +128,7 @@ class Roadmap:
             lever_m: The depth [m].
         """
         count = min(_N_LIKE, self.workspace.n_poses)
-        index = np.asarray(self._tree.query(places_m, k=[*range(1, count + 1)])[1], dtype=np.intp)
+        index = np.asarray(self._tree.query(places_m, k=count)[1], dtype=np.intp).reshape(-1, count)
         away_m = np.linalg.norm(self.workspace.positions_m[index] - places_m[:, None], axis=2)
         off_m = lever_m * np.linalg.norm(self.workspace.normals[index] - beams[:, None], axis=2)
         return index[np.arange(len(index)), np.argmin(away_m + off_m, axis=1)]

@@ -1,7 +1,7 @@
 """Find-and-outline over paths: the probe goes where it newly sees most in a second, and looks on the way.
 
-An orienteering problem (Golden, Levy and Vohra, Naval Research Logistics 34, 1987) with a value that is submodular: what
-a path sees is the union of what its readings see. It is solved greedily, and anew after each path.
+An orienteering problem (Golden, Levy and Vohra, Naval Research Logistics 34, 1987) with a value that is submodular:
+what a path sees is the union of what its readings see. It is solved greedily, and anew after each path.
 """
 
 from __future__ import annotations

@@ -120,7 +120,7 @@ class Roadmap:
     ) -> NDArray[np.intp]:
         """The poses that look most nearly from some places along some beams, shape (K,).
 
-        Of the poses about a place it is the one whose place and, at a depth, the point on the beam lie nearest together.
+        Of the poses about a place it is the one that lies nearest, together with its beam's point at a depth.
 
         Args:
             places_m: Places on the surface [m], shape (K, 3).

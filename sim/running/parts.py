@@ -93,6 +93,11 @@ class EpisodeParts:
         }
 
     @property
+    def movement(self) -> tuple[MotionKind, MotionSettings, ServoSettings, SweepSettings | None]:
+        """How the probe moves, as `motion_model_of` takes it."""
+        return self.motion, self.motion_settings, self.servo_settings, self.sweep
+
+    @property
     def asks_what_is_left(self) -> bool:
         """Whether the episode may end by what the planner takes to be left."""
         return self.until_confident is not None or self.miss_cost is not None
@@ -149,7 +154,7 @@ def make_parts(
         motion=config.moving.motion,
         motion_settings=speeds,
         servo_settings=servo_settings_of(config),
-        sweep=sweep_of(config),
+        sweep=sweep_of(config.sweeping, motion=config.moving.motion, sensor=config.sensor, body=body),
         body=body,
         seed=config.seed,
         n_steps=config.steps,
@@ -168,9 +173,9 @@ def check_config(config: EpisodeConfig) -> None:
         UsageError, PlannerError: A value is out of range.
     """
     scenario_of(config)
-    body_of(config.body, config.moving.motion, motion_settings_of(config))
+    body = body_of(config.body, config.moving.motion, motion_settings_of(config))
     servo_settings_of(config)
-    sweep_of(config)
+    sweep_of(config.sweeping, motion=config.moving.motion, sensor=config.sensor, body=body)
     reader_errors(config.reading)
     if config.sensor == ULTRASOUND:
         sensor_of(config)

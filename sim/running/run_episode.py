@@ -130,7 +130,7 @@ def make_episode(
         trust=parts.trust,
         tumour_map=parts.make_map,
         sensor=parts.sensor,
-        motion_model=motion_model_of(parts, setup),
+        motion_model=motion_model_of(setup, *parts.movement),
         sensing_s=parts.motion_settings.sensing_s,
         casts_rays=casts_rays,
         plans_for_target=parts.plans_for_target,

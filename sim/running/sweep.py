@@ -11,12 +11,12 @@ from sim.errors import FieldError
 from .case import MM
 
 if TYPE_CHECKING:
+    from sim.episode.body_options import BodyOptions
     from sim.episode.moving.motion import MotionModel
     from sim.episode.setup import Setup
     from sim.episode.sweeping.settings import SweepSettings
 
-    from .config import EpisodeConfig
-    from .parts import EpisodeParts
+    from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 Sense = Literal["stop", "sweep"]
 STOP, SWEEP = "stop", "sweep"
@@ -47,16 +47,21 @@ _RANGES = {
 }
 
 
-def sweep_of(config: EpisodeConfig) -> SweepSettings | None:
+def sweep_of(
+    own: SweepConfig, *, motion: MotionKind, sensor: str, body: BodyOptions | None
+) -> SweepSettings | None:
     """How the probe glides and reads; None where it senses where it stops.
 
     Args:
-        config: What to run.
+        own: The options.
+        motion: How the probe moves.
+        sensor: The sensor's name.
+        body: How the organ's true place differs from the plan; None where it lies as planned.
 
     Raises:
         FieldError: A value is out of range, or an option does not go together with a sweep, or means nothing without.
     """
-    own, plain = config.sweeping, SweepConfig()
+    plain = SweepConfig()
     if own.sense == STOP:
         for name in _RANGES:
             if (value := getattr(own, name)) != getattr(plain, name):
@@ -65,7 +70,7 @@ def sweep_of(config: EpisodeConfig) -> SweepSettings | None:
     for name, (low, high) in _RANGES.items():
         if not low <= (value := getattr(own, name)) <= high:
             raise FieldError(name, value, f"must be from {low:g} to {high:g}.")
-    _check_company(config)
+    _check_company(motion, sensor, body)
     wanted_hz = own.sweep_speed_mm_s / own.read_every_mm
     if wanted_hz > own.frame_rate_hz:
         raise FieldError(
@@ -85,27 +90,23 @@ def sweep_of(config: EpisodeConfig) -> SweepSettings | None:
     )
 
 
-def _check_company(config: EpisodeConfig) -> None:
+def _check_company(motion: MotionKind, sensor: str, body: BodyOptions | None) -> None:
     """Check that nothing else is wanted that a sweep cannot do.
 
     Raises:
         FieldError: Something is.
     """
-    from .placing.body import BodyConfig
-
-    if config.moving.motion == "servo":
+    if motion == "servo":
         raise FieldError(
             "motion",
-            "servo",
+            motion,
             "a sweep is not moved by servos yet. Choose kinematic or none with `sense` sweep.",
         )
-    if config.sensor == "ultrasound":
+    if sensor == "ultrasound":
         raise FieldError(
-            "sensor",
-            "ultrasound",
-            "tilts the probe for each reading. Choose another sensor with `sense` sweep.",
+            "sensor", sensor, "tilts the probe for each reading. Choose another sensor with `sense` sweep."
         )
-    if config.body != BodyConfig():
+    if body is not None:
         raise FieldError(
             "sense",
             SWEEP,
@@ -114,17 +115,22 @@ def _check_company(config: EpisodeConfig) -> None:
         )
 
 
-def motion_model_of(parts: EpisodeParts, setup: Setup) -> MotionModel:
-    """A fresh motion model for one episode.
+def motion_model_of(
+    setup: Setup, kind: MotionKind, speeds: MotionSettings, servo: ServoSettings, sweep: SweepSettings | None
+) -> MotionModel:
+    """A fresh motion model for one episode on a setup.
 
     Args:
-        parts: What to run.
-        setup: The setup of the parts' scenario and arm.
+        setup: The setup.
+        kind: How the arm moves.
+        speeds: How fast.
+        servo: Stiffnesses and the force limit, which only servos need.
+        sweep: How the probe glides and reads on the way; None where it senses where it stops.
     """
     from sim.episode.moving.arm_motion import make_motion_model
     from sim.episode.sweeping.ground import ground_of
     from sim.episode.sweeping.making import make_sweep_motion
 
-    if parts.sweep is None:
-        return make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings)
-    return make_sweep_motion(ground_of(setup), parts.motion, parts.sweep, parts.motion_settings)
+    if sweep is None:
+        return make_motion_model(setup, kind, speeds, servo)
+    return make_sweep_motion(ground_of(setup), kind, sweep, speeds)

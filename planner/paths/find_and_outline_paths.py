@@ -37,7 +37,7 @@ class FindAndOutlinePaths(FindAndOutline):
 
     needs_belief: ClassVar[bool] = True
 
-    overhead_s: float = 1.0
+    overhead_s: float = 0.0
     """Time that a path costs beside that of its way [s]: the larger, the longer the paths."""
 
     def __post_init__(self) -> None:

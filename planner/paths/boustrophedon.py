@@ -28,7 +28,7 @@ _LEAST_ROW_M = 0.002
 
 @dataclass(frozen=True, kw_only=True)
 class Boustrophedon(PathPlanner):
-    """Goes over the surface row by row along its longest direction; where all rows are done, over rows between them."""
+    """Goes over the surface row by row along the longest side of its rectangle; then over rows between these."""
 
     needs_belief: ClassVar[bool] = False
 
@@ -45,59 +45,67 @@ class Boustrophedon(PathPlanner):
 
     def paths(self, situation: Situation) -> Iterator[tuple[int, ...]]:
         """The next piece of the raster, and those after it where its end is not reached. See `Planner.paths`."""
+        workspace = situation.workspace
         row_m = max(self.row_share * situation.cone.base_radius_m, _LEAST_ROW_M)
-        gone = {*situation.sensed, *situation.skipped}
+        gone = KDTree(workspace.positions_m[list(situation.sensed)]) if situation.sensed else None
         for number in range(_N_ROUNDS):
-            for row in rows_of(situation.workspace, max(row_m / 2**number, _LEAST_ROW_M)):
-                left = [pose for pose in row if pose not in gone]
-                yield from self._pieces(situation.workspace, left)
-
-    def _pieces(self, workspace: Workspace, row: list[int]) -> Iterator[tuple[int, ...]]:
-        """A row in pieces of the length of a path."""
-        piece: list[int] = []
-        gone_m = 0.0
-        for pose in row:
-            if piece:
-                gone_m += float(
-                    np.linalg.norm(workspace.positions_m[pose] - workspace.positions_m[piece[-1]])
-                )
-            piece.append(pose)
-            if gone_m >= self.stretch_m:
-                yield tuple(piece)
-                piece, gone_m = [], 0.0
-        if piece:
-            yield tuple(piece)
+            apart_m = max(row_m / 2**number, _LEAST_ROW_M)
+            for row in rows_of(workspace, apart_m, max(self.stretch_m, apart_m)):
+                stops = [pose for pose in row if pose not in situation.skipped]
+                places_m = workspace.positions_m[stops].reshape(-1, 3)
+                is_gone = np.zeros(len(stops), dtype=bool)
+                if gone is not None and stops:
+                    is_gone = np.asarray(gone.query(places_m)[0]) <= apart_m / 2.0
+                yield from ((stops[index],) for index in np.flatnonzero(~is_gone))
 
 
 @lru_cache(maxsize=2 * _N_ROUNDS)
-def rows_of(workspace: Workspace, row_m: float) -> tuple[tuple[int, ...], ...]:
+def rows_of(workspace: Workspace, row_m: float, stretch_m: float) -> tuple[tuple[int, ...], ...]:
     """The rows of a raster, each the poses by which it goes, every second row backwards.
 
-    The poses lie within half a row of the places of a square grid in the plane in which the workspace is widest.
+    The poses lie within half a row of the places of a grid in the plane in which the workspace is widest; of those of a
+    row its two ends are kept, and one each stretch.
 
     Args:
         workspace: The poses.
-        row_m: Distance between rows, and between the places along one [m].
+        row_m: Distance between rows [m].
+        stretch_m: Distance between the poses along one [m].
     """
     flat_m = _in_plane(workspace.positions_m)
     low_m, high_m = flat_m.min(axis=0), flat_m.max(axis=0)
-    along, across = (
-        np.arange(low + min(row_m, high - low) / 2.0, high + 1e-9, row_m)
-        for low, high in zip(low_m, high_m, strict=True)
-    )
+    along, across = (_middles(low, high, row_m) for low, high in zip(low_m, high_m, strict=True))
     tree, rows = KDTree(flat_m), []
     for number, height in enumerate(across):
         places = np.column_stack([along if number % 2 == 0 else along[::-1], np.full(len(along), height)])
         away_m, nearest = tree.query(places)
-        row = dict.fromkeys(int(pose) for pose in np.asarray(nearest)[np.asarray(away_m) <= row_m / 2.0])
-        rows.append(tuple(row))
+        row = [*dict.fromkeys(int(pose) for pose in np.asarray(nearest)[np.asarray(away_m) <= row_m / 2.0])]
+        every = max(1, round(stretch_m / row_m))
+        rows.append(tuple(dict.fromkeys([*row[::every], *row[-1:]])))
     return tuple(rows)
 
 
+def _middles(low: float, high: float, width: float) -> NDArray[np.float64]:
+    """The middles of the fewest even parts of a range that are no wider than a width."""
+    n = max(1, int(np.ceil((high - low) / width - 1e-9)))
+    return low + (np.arange(n) + 0.5) * (high - low) / n
+
+
 def _in_plane(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Coordinates in the plane of the two longest principal axes, the longest first [m], shape (N, 2)."""
+    """Coordinates in the plane in which the positions are widest, along the smallest rectangle [m], shape (N, 2)."""
     centred_m = positions_m - positions_m.mean(axis=0)
-    axes = np.linalg.svd(centred_m, full_matrices=False)[2][:2]
-    # The sign of an axis is arbitrary: each points to where its largest component is positive.
-    axes *= np.sign(axes[np.arange(len(axes)), np.abs(axes).argmax(axis=1)])[:, None]
-    return centred_m @ axes.T
+    normal = np.linalg.svd(centred_m, full_matrices=False)[2][-1]
+    x = np.eye(3)[np.abs(normal).argmin()]
+    x = (x - (x @ normal) * normal) / np.linalg.norm(x - (x @ normal) * normal)
+    flat_m = centred_m @ np.column_stack([x, np.cross(normal, x)])
+    turns_rad = np.deg2rad(np.arange(0.0, 180.0, 1.0))
+    # As wide as can be along the rows, among the rectangles that are as small as the smallest but for rounding.
+    sizes_m = np.array([np.ptp(flat_m @ _turn(turn), axis=0) for turn in turns_rad])
+    areas_m2 = sizes_m.prod(axis=1)
+    is_small = areas_m2 <= areas_m2.min() * (1.0 + 1e-6)
+    best = int(np.argmax(np.where(is_small, sizes_m[:, 0], 0.0)))
+    return flat_m @ _turn(turns_rad[best])
+
+
+def _turn(angle_rad: float) -> NDArray[np.float64]:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[cos, -sin], [sin, cos]])

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from sim.episode.moving.motion import MotionModel
     from sim.episode.setup import Setup
     from sim.episode.sweeping.settings import SweepSettings
-
     from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 Sense = Literal["stop", "sweep"]

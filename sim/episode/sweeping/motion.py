@@ -75,11 +75,29 @@ class SweepMotion(MotionModel):
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
         """See `MotionModel.move`: by way of the poses that the planner's path names."""
         stops, self._via = [*self._via, pose], ()
+        path = self._path_through(stops)
+        if len(stops) > 1 and path and not isinstance(motion := self._slid(data, path), str):
+            self._at = pose
+            return motion
         legs = [self._leg(data, stop) for stop in stops]
         begun = [leg for leg in legs if len(leg.time_s) and (leg.is_done or leg is legs[-1])]
         if not begun:
             return legs[-1]
         return replace(joined(begun), reason=legs[-1].reason)
+
+    def _path_through(self, stops: Sequence[int]) -> tuple[int, ...]:
+        """The poses of the way over the surface by some stops; empty where the probe has to be lifted on it."""
+        if self._at is None:
+            return ()
+        path = [self._at]
+        for stop in stops:
+            if stop == path[-1]:
+                continue
+            way = self._ground.roadmap.ways_from(path[-1]).to(stop)
+            if not way or not self._times.is_worth_sliding(path[-1], stop):
+                return ()
+            path += way[1:]
+        return tuple(path) if len(path) > 1 else ()
 
     def _leg(self, data: mujoco.MjData, stop: int) -> Motion:
         """The motion from where the probe is to a pose."""

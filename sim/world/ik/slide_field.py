@@ -1,9 +1,8 @@
 """The slide field: a configuration for each pose, so that the arm slides from pose to pose with the probe kept down.
 
-An arm with a free roll and a redundant joint reaches a pose in a family of configurations. One of them is fixed for
-each pose, so that those of neighbours lie close together: a global resolution of the redundancy on a graph of poses,
-as in Hauser and Emmerson, Continuous pseudoinversion of a multivariate function, WAFR 2018. The field is grown and not
-optimised: what one root cannot reach by sliding gets a root, and so a region, of its own.
+An arm with a free roll and a redundant joint reaches a pose in a family of configurations, of which one is kept for
+each pose. The field is grown and not optimised: what one root cannot reach by sliding gets a root, and so a region, of
+its own.
 """
 
 from __future__ import annotations

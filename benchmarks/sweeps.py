@@ -113,9 +113,8 @@ def draw(options: Options) -> None:
     options.figure.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(options.figure, dpi=120)
     sensed = steps[-1].sensed_fraction or 0.0
-    print(
-        f"{options.trace}, seed {options.seed}: {len(steps)} actions, {len(read_m)} readings, {time_s[-1]:.1f} s, {sensed:.0%} sensed"
-    )
+    counts = f"{len(steps)} actions, {len(read_m)} readings, {time_s[-1]:.1f} s"
+    print(f"{options.trace}, seed {options.seed}: {counts}, {sensed:.0%} sensed")
 
 
 def _trace(

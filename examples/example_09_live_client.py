@@ -2,6 +2,7 @@
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 import pyigtl
@@ -12,7 +13,8 @@ def main(port: int = 18944, n_actions: int = 4) -> None:
     rng, lesion_ras_mm = np.random.default_rng(0), None
     for action in range(n_actions):
         decision = decided(client, action)
-        T_ras_tip = client.wait_for_message("SoundingProposed", timeout=60).matrix  # RAS, millimetres
+        proposed: Any = client.wait_for_message("SoundingProposed", timeout=60)
+        T_ras_tip = proposed.matrix  # RAS, millimetres
         # Your arm would bring the probe there now. This one is there already, and sees a cone of points.
         depth_mm = 100.0 * rng.random(800) ** (1 / 3)
         aside = rng.uniform(-0.2, 0.2, (800, 2)) * depth_mm[:, None]
@@ -34,8 +36,8 @@ def main(port: int = 18944, n_actions: int = 4) -> None:
 def decided(client: pyigtl.OpenIGTLinkClient, n_sensed: int) -> dict:
     """What the planner decided after so many actions."""
     while True:
-        decision = json.loads(client.wait_for_message("SoundingDecision", timeout=60).string)
-        if decision["sensed"] == n_sensed:
+        message: Any = client.wait_for_message("SoundingDecision", timeout=60)
+        if (decision := json.loads(message.string))["sensed"] == n_sensed:
             return decision
 
 

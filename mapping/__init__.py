@@ -9,6 +9,7 @@ from .detailed_map import DetailedMap
 from .hilbert_map import HilbertMap
 from .labelled_points import LabelledPoints
 from .lattice import Lattice
+from .merged_readings import merged
 from .metrics import (
     MapMetrics,
     PrecisionRecallCurve,
@@ -53,6 +54,7 @@ __all__ = [
     "load_map",
     "log_loss",
     "make_hilbert_map",
+    "merged",
     "precision_recall_curve",
     "teach",
     "votes",

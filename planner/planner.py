@@ -33,6 +33,21 @@ class Planner(ABC):
             PlannerError: If the planner needs a belief and the situation has none.
         """
 
+    def paths(self, situation: Situation) -> Iterator[tuple[int, ...]]:
+        """The paths over the surface to try, best first: of a planner of poses each is one pose of its ranking.
+
+        The probe glides from where it is, `situation.sensed[-1]`, to each pose of a path by the shortest way on
+        `situation.roadmap`, and reads on the way. The caller takes the first path whose last pose the arm reaches, and
+        asks again after it.
+
+        Args:
+            situation: What is known so far, with a roadmap.
+
+        Yields:
+            Indices of poses in the order in which they are passed; at least one, and the last is none that was skipped.
+        """
+        return ((pose,) for pose in self.rank(situation))
+
     @property
     def tells_confidence(self) -> bool:
         """Whether the planner can tell how sure it is that nothing is left."""

@@ -15,6 +15,10 @@ from .errors import PlannerError
 from .expected_improvement import ExpectedImprovement
 from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
+from .paths.a_star import AStar
+from .paths.boustrophedon import Boustrophedon
+from .paths.ergodic import Ergodic
+from .paths.find_and_outline_paths import FindAndOutlinePaths
 from .planner import Planner
 from .random_order import RandomOrder
 from .trained import Trained
@@ -31,6 +35,10 @@ _PLANNERS: dict[str, type[Any]] = {
     "expected-volume": ExpectedVolume,
     "greedy-coverage": GreedyCoverage,
     "trained": Trained,
+    "find-and-outline-paths": FindAndOutlinePaths,
+    "boustrophedon": Boustrophedon,
+    "ergodic": Ergodic,
+    "a-star": AStar,
 }
 
 

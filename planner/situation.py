@@ -10,6 +10,7 @@ from mapping import LabelledPoints, Prediction
 
 from .cone import Cone
 from .errors import PlannerError
+from .paths.roadmap import Roadmap
 from .workspace import Workspace
 
 _TIP_SPEED_M_S = 0.25
@@ -53,6 +54,12 @@ class Situation:
     """The confidence that nothing is left at which the episode is to stop; None where it does not stop by that."""
     sensing_s: float = 2.0
     """Modelled time of one sensing action [s]."""
+    roadmap: Roadmap | None = None
+    """Where the probe glides from pose to pose, reading on the way; None where it is lifted after each reading."""
+    sweep_speed_m_s: float = 0.04
+    """Speed of the tip on the roadmap [m/s]."""
+    read_every_m: float = 0.01
+    """Way of the tip on the roadmap from one reading to the next [m]."""
     draw_map: Callable[[np.random.Generator], NDArray[np.float64]] | None = None
     """Draws the latent at all search points jointly from the belief, shape (M,); None where the map cannot."""
     rng: np.random.Generator

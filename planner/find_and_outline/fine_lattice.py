@@ -12,6 +12,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from scipy.spatial import KDTree
 
 from ..keyed_array import KeyedArray
+from ..situation import Situation
 
 MAX_SPACING_M = 0.0045
 """Largest spacing of a fine lattice [m]: less than half the radius of the smallest tumour of interest."""
@@ -63,6 +64,13 @@ def fine_lattice(points_m: NDArray[np.float64]) -> FineLattice:
         points_m: Points of a lattice aligned with the axes, some left out [m], shape (M, 3).
     """
     return _fine_lattice(KeyedArray(points_m))
+
+
+def likely_m3(situation: Situation) -> float:
+    """The volume in which the map takes tumour to be likelier than not [m^3]."""
+    lattice = fine_lattice(situation.search_points_m)
+    share = float(np.mean(situation.belief("find-and-outline").score > 0.0))
+    return share * lattice.cell_m3 * len(lattice.points_m)
 
 
 @lru_cache(maxsize=4)

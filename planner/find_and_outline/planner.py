@@ -24,7 +24,7 @@ from ..stopping.expectation import is_worth_searching, what_is_left
 from ..stopping.lesion_count import label_spacing_m, n_lesions
 from ..stopping.lesion_prior import LesionPrior
 from ..stopping.what_is_left import WhatIsLeft
-from .fine_lattice import FineLattice, fine_lattice
+from .fine_lattice import FineLattice, fine_lattice, likely_m3
 from .frontier import SUSPECTED, probability_at, seen_weight, sensed_points, unconfirmed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
 from .rims import rim_score
@@ -166,7 +166,7 @@ class FindAndOutline(Planner):
         if not situation.sensed:
             return self.hidden_m3 * share
         outlined_m3 = self.outline_score(situation)
-        hidden_m3 = self.hidden_m3 + self.hidden_ratio * _likely_m3(situation)
+        hidden_m3 = self.hidden_m3 + self.hidden_ratio * likely_m3(situation)
         found_m3 = hidden_m3 * share + np.where(outlined_m3 >= self.least_gain_m3, outlined_m3, 0.0)
         if self._seeks_certainty(situation):
             return found_m3
@@ -196,11 +196,17 @@ class FindAndOutline(Planner):
 
             outline = v sum over open points x in the pose's cone of  max(p(x), floor),   v the volume of a cell
 
-        Open points lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding
-        that is not confirmed yet is open for some looks more, see `unconfirmed_points` and `suspects`.
-
         Args:
             situation: What is known so far.
+        """
+        cell_m3 = fine_lattice(situation.search_points_m).cell_m3
+        return cell_m3 * seen_weight(situation.workspace, situation.cone, *self.open_points(situation))
+
+    def open_points(self, situation: Situation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The points that are left to outline [m], shape (F, 3), and how likely each is tumour, shape (F,).
+
+        They lie within `margin_m` of likely tumour and in no cone so far. Where views may be wrong, a finding that is
+        not confirmed yet is open for some looks more, see `unconfirmed_points` and `suspects`.
         """
         workspace, cone = situation.workspace, situation.cone
         lattice = fine_lattice(situation.search_points_m)
@@ -215,7 +221,7 @@ class FindAndOutline(Planner):
         chance = suspected.chance_at(points_m)
         is_open |= chance > 0.0
         weights = np.maximum(np.maximum(probability[around], chance), self.floor)[is_open]
-        return lattice.cell_m3 * seen_weight(workspace, cone, points_m[is_open], weights)
+        return points_m[is_open], weights
 
     def confidence(self, situation: Situation) -> float:
         """The probability that no tumour of `sure_radius_m` or more is left to find; 0 while one is left to outline.
@@ -274,13 +280,6 @@ def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
 
 def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:
     return probability_at(lattice, situation.belief("find-and-outline"))
-
-
-def _likely_m3(situation: Situation) -> float:
-    """The volume in which the map takes tumour to be likelier than not [m^3]."""
-    lattice = fine_lattice(situation.search_points_m)
-    share = float(np.mean(situation.belief("find-and-outline").score > 0.0))
-    return share * lattice.cell_m3 * len(lattice.points_m)
 
 
 def _likely_tumour_m(

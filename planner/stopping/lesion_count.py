@@ -41,7 +41,7 @@ def labels_per_m3(cone: Cone, readings: Sequence[LabelledPoints]) -> float:
         readings: What the sensing actions returned.
     """
     volume_m3 = math.pi / 3.0 * math.tan(cone.half_angle_rad) ** 2 * cone.depth_m**3
-    return max((len(reading.points_m) for reading in readings), default=1) / volume_m3
+    return max([1, *(len(reading.points_m) for reading in readings)]) / volume_m3
 
 
 def n_lesions(points_m: NDArray[np.float64], free_m: NDArray[np.float64], spacing_m: float) -> int:

@@ -71,7 +71,7 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
     setup_start_s = perf_counter()
     planner = parts.planner
     is_blind = not (planner.needs_belief or planner.needs_readings)
-    ahead = Lookahead(planner, setup.positioner) if is_blind else planner
+    ahead = Lookahead(planner, setup.positioner) if is_blind and parts.sweep is None else planner
     casts_rays = parts.keeps_map or planner.needs_readings
     episode = make_episode(parts, setup, planner=ahead, casts_rays=casts_rays)
     setup_s = perf_counter() - setup_start_s

@@ -26,8 +26,14 @@ ROWS = (
     ("poses skipped, out of the arm's reach", "n_skipped_poses", "{}"),
     ("modelled time of the procedure [s]", "procedure_s", "{:.1f}"),
     ("way of the tip [m]", "tip_path_m", "{:.2f}"),
+    ("readings on the way", "n_readings", "{}"),
+    ("times the probe was lifted off", "n_lift_offs", "{}"),
+    ("way of the tip in contact [m]", "contact_path_m", "{:.2f}"),
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
+
+SOMETIMES = ("confidence", "n_readings", "n_lift_offs", "contact_path_m")
+"""Rows that are left out where there is nothing to tell."""
 
 TARGET_ROWS = (
     ("{}: actions until 95 % was sensed", "target_sensings_to_95", "{}"),
@@ -110,7 +116,7 @@ def excluded_text(summary: Mapping[str, Any]) -> str:
 def episode_table(summary: Mapping[str, Any]) -> str:
     """What an episode found and its figures as an aligned table, ending with the folder that holds them."""
     name = summary.get("target_name")
-    rows = [row for row in ROWS if row[1] != "confidence" or summary.get("confidence") is not None]
+    rows = [row for row in ROWS if row[1] not in SOMETIMES or summary.get(row[1]) is not None]
     if name is not None:
         rows[-1:-1] = [(label.format(name), key, form) for label, key, form in TARGET_ROWS]
     return "\n".join([_account(summary), *aligned_lines(rows, summary), f"written to {summary['folder']}"])

@@ -17,7 +17,6 @@ from mapping import (
     MapSettings,
     Prediction,
     TrustSettings,
-    TumourMap,
     TumourMapFactory,
     average_precision,
     evaluate_map,
@@ -39,7 +38,8 @@ from .moving.arm_motion import make_motion_model
 from .moving.motion import MotionModel, SkippedPose
 from .setup import Setup
 from .step import Ending, Step
-from .target_belief import TargetBelief, check_parts, checked_prediction, draws_of
+from .sweeping.score import SweepScore, joined_reading, taught_together
+from .target_belief import TargetBelief, check_parts, checked_prediction, draws_of, map_maker
 from .truth import Truth, make_truth
 
 
@@ -95,13 +95,14 @@ class Episode:
         scene = self.truth.scene if casts_rays else setup.scene
         self.data: mujoco.MjData = scene.new_data()
         self._map_settings = map_settings or MapSettings()
-        self._new_map = partial(_new_map, setup, tumour_map, self._map_settings, detail)
-        self.tumour_map = self._new_map()
+        self._new_map = map_maker(setup, tumour_map, self._map_settings, detail)
+        self.tumour_map = None if self._new_map is None else self._new_map()
         self.trust = LabelTrust(trust)
         self.prediction: Prediction | None = None
         self.target: TargetBelief | None = None
         if self.truth.target is not None:
-            self.target = TargetBelief(self.truth.target, setup.cone, self._new_map())
+            target_map = None if self._new_map is None else self._new_map()
+            self.target = TargetBelief(self.truth.target, setup.cone, target_map)
         if plans_for_target and self.target is None:
             raise ValueError(
                 "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
@@ -178,7 +179,7 @@ class Episode:
     def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
         start_s = perf_counter()
         approach = approach_first(
-            self.planner.rank(self.situation()),
+            self._motion_model.ranking(self.planner, self.situation()),
             self.setup.positioner,
             self._motion_model,
             self.data,
@@ -189,32 +190,37 @@ class Episode:
         if approach.motion is None or approach.answer is None:
             return None
         pose, motion = approach.pose, approach.motion
-        reading = self._read()
-        self._note_seen(number)
+        readings, passed = list[Reading](), list[int]()
+        for halt in self._motion_model.halts(self.data, motion):
+            readings.append(self._read())
+            passed.append(pose if halt is None else halt)
+            self._note_seen(number)
+            if self.target is not None:
+                self.target.note(number, readings[-1], self._scene_state.T_world_probe)
         sensed_s = perf_counter()
-        labels = self.trust.judge(LabelledPoints(*reading.labels))
-        self.readings.append(labels)
-        if self.target is not None:
-            self.target.note(number, reading, self._scene_state.T_world_probe)
+        labels = [self.trust.judge(LabelledPoints(*reading.labels)) for reading in readings]
+        self.readings += labels
         auprc = self._update(labels)
-        self.sensed.append(pose)
+        self.sensed += passed
+        seconds = motion.motion_s + (0.0 if self._motion_model.senses_in_motion else self._sensing_s)
         return Step(
             step=number,
             pose_index=pose,
             ik=approach.answer,
-            reading=reading,
+            reading=joined_reading(readings),
             sensed_fraction=float((self.first_seen != NEVER).mean()) if self.first_seen.size else None,
             auprc=auprc,
             skipped=tuple(approach.skipped),
             motion=motion,
-            procedure_s=motion.motion_s + self._sensing_s,
+            procedure_s=seconds,
             plan_s=planned_s - start_s - approach.ik_s - approach.move_s,
             ik_s=approach.ik_s,
             move_s=approach.move_s,
             sense_s=sensed_s - planned_s,
             update_s=perf_counter() - sensed_s,
             target=None if self.target is None else self.target.score(),
-            body=None if self.body is None else self.body.done(motion.motion_s + self._sensing_s),
+            body=None if self.body is None else self.body.done(seconds),
+            sweep=SweepScore.of(motion, readings) if self._motion_model.senses_in_motion else None,
         )
 
     @property
@@ -259,40 +265,30 @@ class Episode:
         is_held = self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
         note_first(self.first_seen, number, is_held)
 
-    def _update(self, labels: LabelledPoints) -> float | None:
+    def _update(self, labels: list[LabelledPoints]) -> float | None:
         if self.tumour_map is None:
             return None
         self._learn(labels)
         self._predict()
         assert self.prediction is not None
-        self.trust.observe(labels, self.setup.search_points_m, self.prediction)
+        for each in labels:
+            self.trust.observe(each, self.setup.search_points_m, self.prediction)
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
-    def _learn(self, labels: LabelledPoints) -> None:
-        """Teach the maps a reading, or all readings anew where the organ is now believed to lie elsewhere."""
+    def _learn(self, labels: list[LabelledPoints]) -> None:
+        """Teach the maps an action's readings, or all anew where the organ is now believed to lie elsewhere."""
         assert self.tumour_map is not None
+        assert self._new_map is not None
         laid = None if self.body is None else self.body.laid_anew(self.readings)
         if laid is None:
-            teach(self.tumour_map, labels)
+            for each in taught_together(labels, self.setup.cone, self._map_settings):
+                teach(self.tumour_map, each)
         else:
             self.readings = laid.readings
-            self.tumour_map = laid_anew(self.tumour_map, laid.readings, self._fresh_map, is_far=laid.is_far)
+            self.tumour_map = laid_anew(self.tumour_map, laid.readings, self._new_map, is_far=laid.is_far)
         if self.target is not None:
-            self.target.learn(laid, self._fresh_map)
-
-    def _fresh_map(self) -> TumourMap:
-        """A map without readings, of an episode that keeps maps."""
-        fresh = self._new_map()
-        assert fresh is not None
-        return fresh
+            self.target.learn(laid, self._new_map, n_new=len(labels))
 
     def _predict(self) -> None:
         if self.tumour_map is not None:
             self.prediction = checked_prediction(self.tumour_map, len(self.setup.search_points_m))
-
-
-def _new_map(
-    setup: Setup, make: TumourMapFactory | None, settings: MapSettings, detail: DetailSettings | None
-) -> TumourMap | None:
-    """A map before any reading, on the setup's lattices."""
-    return None if make is None else make(setup.map_space(settings, detail))

@@ -10,6 +10,7 @@ from sim.world.sensing.reading import Reading
 
 from .body_options import BodyScore
 from .moving.motion import Motion, SkippedPose
+from .sweeping.score import SweepScore
 from .target_belief import TargetScore
 
 Ending = Literal["steps", "sensed", "confident", "not_worth", "no_pose_left"]
@@ -45,3 +46,5 @@ class Step:
     """How a second class stands; None where none is mapped."""
     body: BodyScore | None = None
     """How well it is known where the organ lies; None where it lies as planned."""
+    sweep: SweepScore | None = None
+    """What was read on the way, and how often the probe was lifted; None where it is lifted for every action."""

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping import (
+    DetailSettings,
     LabelledPoints,
     MapMetrics,
+    MapSettings,
     Prediction,
     TumourMap,
     TumourMapFactory,
@@ -26,6 +28,7 @@ from .body import Laid
 from .measures import NEVER, never, note_first
 
 if TYPE_CHECKING:
+    from .setup import Setup
     from .truth import TargetTruth
 
 
@@ -86,17 +89,19 @@ class TargetBelief:
             )
         self.readings.append(LabelledPoints(reading.points_m, reading.is_target))
 
-    def learn(self, laid: Laid | None, new_map: Callable[[], TumourMap]) -> None:
-        """Teach the map the last reading, or all where the organ is now believed to lie elsewhere.
+    def learn(self, laid: Laid | None, new_map: Callable[[], TumourMap], *, n_new: int = 1) -> None:
+        """Teach the map the last readings, or all where the organ is now believed to lie elsewhere.
 
         Args:
             laid: The tumours' readings where they lie now; None where those before the last lie where they lay.
             new_map: Makes a map without readings.
+            n_new: How many readings it was not taught yet.
         """
         if self.tumour_map is None:
             return
         if laid is None:
-            self.tumour_map.update(self.readings[-1].points_m, self.readings[-1].is_occupied)
+            for each in self.readings[-n_new:]:
+                self.tumour_map.update(each.points_m, each.is_occupied)
         else:
             self.readings = [
                 own.at(each.points_m) for own, each in zip(self.readings, laid.readings, strict=True)
@@ -137,6 +142,13 @@ def draws_of(
         return drawing.sample_lattice()[0]
 
     return draw
+
+
+def map_maker(
+    setup: Setup, make: TumourMapFactory | None, settings: MapSettings, detail: DetailSettings | None
+) -> Callable[[], TumourMap] | None:
+    """What makes a map before any reading, on the setup's lattices; None where no map is kept."""
+    return None if make is None else lambda: make(setup.map_space(settings, detail))
 
 
 def checked_prediction(tumour_map: TumourMap, n_points: int) -> Prediction:

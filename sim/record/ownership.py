@@ -16,7 +16,7 @@ MANIFEST = "manifest.json"
 LOCK = ".lock"
 RUN_NAMES = re.compile(
     r"""config\.json | summary\.json | findings\.json | body\.json | report\.html
-    | (steps|skipped|states|structures|poses|tumours|false_findings|targets|target_false_findings)\.csv
+    | (steps|readings|skipped|states|structures|poses|tumours|false_findings|targets|target_false_findings)\.csv
     | poses\.json | probe\.xml | anatomy\.npz | map\.npz | visible\.npz | own_(target_)?map\.npz
     | map_(target_)?(on_scan_)?(probability|standard_deviation|labels)\.nii\.gz
     | map(_target)?\.seg\.nrrd | map_(target_)?(segmentation|probability)\.dcm

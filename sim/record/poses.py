@@ -21,6 +21,8 @@ from sim.tables import read_rows
 from sim.world.frames import quaternion_matrix
 
 POSES_CSV, POSES_JSON = "poses.csv", "poses.json"
+READINGS_CSV = "readings.csv"
+"""The poses of all readings of a run that sensed along the way, with their time since the action began."""
 FRAMES = {
     "world": "z up, right-handed; the top of the table is z = 0",
     "organ": "the axes of the organ's file, in metres; for a patient LPS: +x left, +y posterior, +z head",
@@ -50,18 +52,18 @@ def pose_row(
     return row
 
 
-def read_poses(folder: Path) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The steps of poses.csv, shape (T,), and their T_world_probe, shape (T, 4, 4).
+def read_poses(folder: Path, name: str = POSES_CSV) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The steps of poses.csv, or of readings.csv, shape (T,), and their T_world_probe, shape (T, 4, 4).
 
     Raises:
         UsageError: The file is missing or broken.
     """
-    rows = read_rows(folder / POSES_CSV)
+    rows = read_rows(folder / name)
     try:
         numbers = [_numbers(row) for row in rows]
         poses = [_matrix(row) for row in numbers]
     except (ValueError, KeyError) as error:
-        raise UsageError(f"{folder / POSES_CSV}: cannot be read ({error}). Run the episode again.") from error
+        raise UsageError(f"{folder / name}: cannot be read ({error}). Run the episode again.") from error
     steps = [int(row["step"]) for row in numbers]
     return np.array(steps, dtype=np.int64), np.array(poses).reshape(-1, 4, 4)
 

@@ -106,7 +106,8 @@ def read_recording(folder: Path) -> Recording:
         folder=folder,
         scene=scene,
         motions=motions,
-        sensing_s=float(options["sensing_s"]),
+        # The motion of a sweep has the time of sensing in it.
+        sensing_s=0.0 if options.get("sense") == "sweep" else float(options["sensing_s"]),
         sensed_m=np.array(sensed_m).reshape(-1, 3),
         places=read_places(folder),
         motion_kind=str(options.get("motion", "none")),

@@ -20,7 +20,7 @@ from sim.world.anatomy.anatomy import Anatomy
 from .map_field import MapField
 from .map_history import TARGETS, TUMOURS, read_history
 from .ownership import MANIFEST, check_run_folder
-from .poses import read_poses
+from .poses import READINGS_CSV, read_poses
 from .trajectories import ANATOMY, read_anatomy, read_places
 
 Rows = list[dict[str, str]]
@@ -58,6 +58,9 @@ class RunRecord:
     place of the tumours'."""
     is_attainable: NDArray[np.bool_] | None = None
     """Which detection points reachable poses can sense, shape (D,); None where an older run did not keep it."""
+    readings: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None
+    """The action of each reading, shape (R,), and where the probe was, shape (R, 4, 4), of a run that sensed along the
+    way; None where there is one reading an action."""
     deviation: NDArray[np.float64] | None = None
     """Standard deviation of the last map's latent at the search points, shape (M,); None where it is not told."""
 
@@ -89,8 +92,10 @@ class RunRecord:
     def is_seen(self) -> NDArray[np.bool_]:
         """Which detection points lay in the cone of each action, shape (T, D)."""
         seen = np.zeros((self.n_steps, len(self.detection_points_m)), dtype=bool)
-        for row, T in zip(seen, self.T_world_probe, strict=True):
-            row[:] = self.cone.contains(self.detection_points_m, T[:3, 3], T[:3, 2])
+        steps, T_world_probe = self.readings or (np.arange(1, self.n_steps + 1), self.T_world_probe)
+        for step, T in zip(steps, T_world_probe, strict=True):
+            if step <= self.n_steps:
+                seen[step - 1] |= self.cone.contains(self.detection_points_m, T[:3, 3], T[:3, 2])
         return seen
 
     def numbers(self, column: str) -> NDArray[np.float64]:
@@ -131,6 +136,7 @@ def load_run(folder: Path | str) -> RunRecord:
         detection_points_m=points_m,
         detection_tumours=tumours,
         is_attainable=is_attainable,
+        readings=read_poses(folder, READINGS_CSV) if (folder / READINGS_CSV).is_file() else None,
         field=field,
         history={} if field is None else _history(folder, TUMOURS, field.n_inside, len(steps)),
         deviation=_deviation(folder / "map.npz", field),

@@ -15,10 +15,11 @@ from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS
 from sim.episode.setup import Setup
 from sim.episode.step import Step
+from sim.episode.sweeping.score import SWEEP_CELLS, SweepScore
 
 from .map_history import write_history
 from .map_volumes import VISIBLE, map_volumes, maps_in
-from .poses import POSES_CSV, pose_row
+from .poses import POSES_CSV, READINGS_CSV, pose_row
 from .run_folder import BODY_JSON, OWN_MAP, OWN_TARGET_MAP, RunFolder
 from .trajectories import write_motion
 
@@ -38,6 +39,8 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     write_motion(folder, step.step, step.motion, truly)
     tip = step.reading.T_world_probe
     folder.append_row(POSES_CSV, pose_row(step.step, step.pose_index, tip, episode.setup.T_world_organ))
+    if step.sweep is not None:
+        _append_readings(folder, episode, step.step, step.sweep)
     if episode.prediction is not None:
         target = None if episode.target is None else episode.target.prediction
         scores = [each.score for each in (episode.prediction, target) if each is not None]
@@ -45,6 +48,14 @@ def write_step(folder: RunFolder, episode: Episode, step: Step) -> None:
     write_map(folder, episode, is_final=False)
     if episode.body is not None:
         folder.write_json(BODY_JSON, episode.body.record())
+
+
+def _append_readings(folder: RunFolder, episode: Episode, step: int, sweep: SweepScore) -> None:
+    """Append a row to readings.csv for each reading of an action."""
+    poses = episode.sensed[len(episode.sensed) - sweep.n_readings :]
+    for pose, time_s, T in zip(poses, sweep.read_s, sweep.T_world_readings, strict=True):
+        row = pose_row(step, pose, T, episode.setup.T_world_organ)
+        folder.append_row(READINGS_CSV, row | {"time_s": time_s})
 
 
 def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
@@ -68,6 +79,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "procedure_s": step.procedure_s,
         "joint_travel_rad": step.motion.joint_travel_rad,
         "tip_path_m": step.motion.tip_path_m,
+        **({} if step.sweep is None else {name: getattr(step.sweep, name) for name in SWEEP_CELLS}),
         "tracking_error_m": step.motion.tracking_error_m,
         "tracking_error_rad": step.motion.tracking_error_rad,
         "contact_force_n": step.motion.contact_force_n,

@@ -21,6 +21,7 @@ from sim.world.motion.settings import MotionKind
 from .case import AnatomyConfig, CaseConfig
 from .placing.body import BodyConfig
 from .reader import ReaderConfig
+from .sweep import SweepConfig
 from .ultrasound import UltrasoundConfig
 
 Frames = Literal["each", "last", "none"]
@@ -30,10 +31,8 @@ ALWAYS, WHEN_NEEDED = "always", "when-needed"
 """The choices of when the built-in map is kept."""
 DEFAULT_PROBE = "default"
 """The name of the embedded probe."""
-CONE, ULTRASOUND = "cone", "ultrasound"
-"""The names of the paper's sensor, which is exact, and of the one that draws pictures."""
-CONE_WITH_ERRORS = "cone-with-errors"
-"""The name of the sensor that sees what the paper's does, and whose reader errs."""
+CONE, CONE_WITH_ERRORS, ULTRASOUND = "cone", "cone-with-errors", "ultrasound"
+"""The names of the paper's exact sensor, of the same whose reader errs, and of the one that draws pictures."""
 SENSORS = (CONE, CONE_WITH_ERRORS, ULTRASOUND)
 
 
@@ -207,7 +206,8 @@ class EpisodeConfig:
     planner: str = "find-and-outline"
     """What chooses the next pose: find-and-outline, expected-improvement (the paper's), trained, a baseline (random,
     multi-resolution, greedy-coverage, upper-confidence-bound, probability-of-improvement, thompson-sampling,
-    mutual-information, expected-volume), or your own planner as package.module:Class."""
+    mutual-information, expected-volume), a planner of paths (find-and-outline-paths, boustrophedon, ergodic, a-star),
+    or your own planner as package.module:Class."""
     sensor: str = CONE
     """What turns a contact into a reading: cone (the paper's, which is exact), cone-with-errors (the same, labelled by
     a reader that errs), ultrasound (a sweep of B-mode pictures), or your own sensor as package.module:Class."""
@@ -249,6 +249,7 @@ class EpisodeConfig:
     mapping: MappingConfig = field(default_factory=MappingConfig)
     mounting: MountingConfig = field(default_factory=MountingConfig)
     moving: MovingConfig = field(default_factory=MovingConfig)
+    sweeping: SweepConfig = field(default_factory=SweepConfig)
     output: OutputConfig = field(default_factory=OutputConfig)
 
     def __post_init__(self) -> None:

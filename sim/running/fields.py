@@ -18,7 +18,7 @@ from .config import EpisodeConfig
 
 ORDER = (
     *("mounting", "moving", "organ", "case", "anatomy", "sensing", "reading", "ultrasound", "body"),
-    *("planning", "mapping", "find_and_outline", "expected_improvement", "output"),
+    *("planning", "mapping", "find_and_outline", "expected_improvement", "sweeping", "output"),
 )
 """The order of groups in a study's axes and columns, after the fields outside groups. Help has another."""
 OPTIONS_OF = {"planner": "planner_option", "sensor": "sensor_option", "map": "map_option"}

@@ -32,9 +32,11 @@ from .placing.body import body_of
 from .reader import reader_errors
 from .sensor import sensor_of, trust_of
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
+from .sweep import sweep_of
 
 if TYPE_CHECKING:
     from sim.episode.body_options import BodyOptions
+    from sim.episode.sweeping.settings import SweepSettings
     from sim.world.probes.probe import ProbeModel
     from sim.world.scene.arm import ArmModel
     from sim.world.sensing.sensor import Sensor
@@ -63,6 +65,8 @@ class EpisodeParts:
     motion: MotionKind
     motion_settings: MotionSettings
     servo_settings: ServoSettings
+    sweep: SweepSettings | None
+    """How the probe glides and reads on the way; None where it senses where it stops."""
     body: BodyOptions | None
     """How the organ's true place differs from the plan; None where it lies as planned."""
     seed: int
@@ -87,6 +91,11 @@ class EpisodeParts:
             "until_confident": self.until_confident,
             "miss_cost": self.miss_cost,
         }
+
+    @property
+    def movement(self) -> tuple[MotionKind, MotionSettings, ServoSettings, SweepSettings | None]:
+        """How the probe moves, as `motion_model_of` takes it."""
+        return self.motion, self.motion_settings, self.servo_settings, self.sweep
 
     @property
     def asks_what_is_left(self) -> bool:
@@ -145,6 +154,7 @@ def make_parts(
         motion=config.moving.motion,
         motion_settings=speeds,
         servo_settings=servo_settings_of(config),
+        sweep=sweep_of(config.sweeping, motion=config.moving.motion, sensor=config.sensor, body=body),
         body=body,
         seed=config.seed,
         n_steps=config.steps,
@@ -163,8 +173,9 @@ def check_config(config: EpisodeConfig) -> None:
         UsageError, PlannerError: A value is out of range.
     """
     scenario_of(config)
-    body_of(config.body, config.moving.motion, motion_settings_of(config))
+    body = body_of(config.body, config.moving.motion, motion_settings_of(config))
     servo_settings_of(config)
+    sweep_of(config.sweeping, motion=config.moving.motion, sensor=config.sensor, body=body)
     reader_errors(config.reading)
     if config.sensor == ULTRASOUND:
         sensor_of(config)

@@ -17,7 +17,6 @@ from tqdm import tqdm
 
 from planner import Planner
 from sim.episode.episode import Episode
-from sim.episode.moving.arm_motion import make_motion_model
 from sim.episode.moving.motion import ProcedureStoppedError
 from sim.episode.setup import Setup, build_setup
 from sim.episode.step import Step
@@ -39,6 +38,7 @@ from .output import Output, output_of
 from .parts import EpisodeParts, make_parts
 from .placing.arm_place import arm_fields, probe_text
 from .summary import MANY_SKIPPED, SKIPPED_NOTE, Totals, episode_summary, progress_text
+from .sweep import motion_model_of
 
 if TYPE_CHECKING:
     from mapping import TumourMapFactory
@@ -125,7 +125,7 @@ def make_episode(
         trust=parts.trust,
         tumour_map=parts.make_map,
         sensor=parts.sensor,
-        motion_model=make_motion_model(setup, parts.motion, parts.motion_settings, parts.servo_settings),
+        motion_model=motion_model_of(setup, *parts.movement),
         sensing_s=parts.motion_settings.sensing_s,
         casts_rays=casts_rays,
         plans_for_target=parts.plans_for_target,

@@ -11,6 +11,7 @@ from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
 from sim.episode.step import Step
+from sim.episode.sweeping.score import SWEEP_CELLS
 from sim.episode.target_belief import TargetBelief
 from sim.world.frames import rigid_inverse
 
@@ -60,6 +61,13 @@ class Totals:
             "tip_path_m": sum(step.motion.tip_path_m for step in self.steps),
         }
 
+    def sweeps(self) -> dict[str, float]:
+        """What was read on the way, and how often the probe was lifted; empty where it senses where it stops."""
+        scores = [step.sweep for step in self.steps if step.sweep is not None]
+        if not scores:
+            return {}
+        return {name: sum(getattr(score, name) for score in scores) for name in SWEEP_CELLS}
+
 
 def episode_summary(
     episode: Episode, totals: Totals, metrics: MapMetrics | None, parts: EpisodeParts
@@ -95,6 +103,7 @@ def episode_summary(
         **_body_summary(episode, last),
         "n_skipped_poses": totals.n_skipped_poses,
         **totals.motion(),
+        **totals.sweeps(),
         **totals.seconds(),
     }
 

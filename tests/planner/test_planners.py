@@ -289,7 +289,7 @@ def test_options_reach_the_planner():
     planner = make_planner("expected-improvement", xi=0.5, values="probability")
     assert planner == ExpectedImprovement(xi=0.5, values="probability")
     without = {name for name in planner_names() if not make_planner(name).needs_belief}
-    assert without == {"random", "multi-resolution", "greedy-coverage", "trained"}
+    assert without == {"random", "multi-resolution", "greedy-coverage", "trained", "boustrophedon"}
 
 
 def test_a_shallower_cone_leads_to_another_choice():

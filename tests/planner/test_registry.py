@@ -21,9 +21,9 @@ def test_a_planner_by_name_is_made_from_the_class_of_that_name():
 
 def test_the_planners_that_tell_how_sure_they_are_are_known_by_name():
     told = {name for name in planner_names() if make_planner(name).tells_confidence}
-    assert set(confident_planner_names()) == told == {"find-and-outline"}
+    assert set(confident_planner_names()) == told == {"find-and-outline", "find-and-outline-paths"}
     weighing = {name for name in planner_names() if make_planner(name).weighs_cost}
-    assert set(weighing_planner_names()) == weighing == {"find-and-outline"}
+    assert set(weighing_planner_names()) == weighing == {"find-and-outline", "find-and-outline-paths"}
 
 
 @pytest.mark.parametrize("look_up", [planner_class, make_planner])

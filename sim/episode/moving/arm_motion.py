@@ -17,7 +17,8 @@ from ..positioner import ArmPositioner
 from ..setup import Setup
 from .encounter import Encounter
 from .force_motion import ForceMotion
-from .motion import JumpMotion, MotionModel
+from .jump_motion import JumpMotion
+from .motion import MotionModel
 from .organ_under_probe import BodyUnderProbe, PlannedOrgan
 from .path_motion import PathMotion
 from .servo_motion import ServoMotion
@@ -66,13 +67,13 @@ def _of_arm(
         return JumpMotion(positioner, setup.scene.tip_site, limits, settings)
     paths = PathSearch(search, PathCheck(setup.scene, chain, search.meter, search.clearance))
     timer = PathTimer(chain, JointLimits.of_arm(path, chain.is_slide, settings, names=chain.names))
-    travel = Travel(positioner, limits, settings)
+    travel, tip_site = Travel(positioner, limits, settings), setup.scene.tip_site
     if kind == "kinematic":
-        return PathMotion(positioner, paths, timer, settings, travel)
+        return PathMotion(positioner, paths, timer, settings, travel, tip_site)
     servo = servo or ServoSettings()
     organ, face_radius_m = ContactSurface(setup.organ), search.clearance.probe.face_radius_m
     arm = ServoArm(setup.scene, chain, organ, servo, is_panda=is_embedded(path), face_radius_m=face_radius_m)
-    servos = ServoMotion(positioner, paths, timer, settings, travel, arm=arm, servo=servo)
+    servos = ServoMotion(positioner, paths, timer, settings, travel, tip_site, arm=arm, servo=servo)
     if servo.press_n is None:
         return servos
     organ = PlannedOrgan(arm.stiffness_n_m, servo.pressing_n(arm.stiffness_n_m), SEARCH_M)

@@ -15,12 +15,12 @@ from sim.world.motion.arrival import Arrival
 from sim.world.motion.beam_contact import BeamContact
 from sim.world.motion.curve import through
 from sim.world.motion.force_control import ACCELERATION_M_S2, BeamLine, ForceControl, ForceGoal, beam_line
-from sim.world.motion.timing import Trajectory
 
 from ..positioner import touching
 from .motion import Motion, Phase, ProcedureStoppedError, blocked, joint_travel_rad
 from .organ_under_probe import OrganUnderProbe
-from .path_motion import RECORD_DT_S, Plan
+from .path_motion import RECORD_DT_S
+from .plan import Plan
 from .servo_motion import ServoMotion
 
 Array = NDArray[np.float64]
@@ -74,6 +74,7 @@ class ForceMotion(ServoMotion):
             servos._timer,
             servos._settings,
             servos.travel,
+            servos._tip_site,
             arm=servos._arm,
             servo=servos.servo,
         )
@@ -88,7 +89,6 @@ class ForceMotion(ServoMotion):
         self._arm.tip_contact = self._contact
         self._scratch = mujoco.MjData(self._arm.model)
         self._control: ForceControl | None = None
-        self._up: Trajectory | None = None
 
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
         """See `MotionModel.move`."""
@@ -99,7 +99,8 @@ class ForceMotion(ServoMotion):
         motion = self._moved(data, descent)
         self._organ.moved(motion.motion_s)
         if not motion.is_done:
-            self._last, self._control, self._way_back = None, None, self._way_back_of(motion.states)
+            self._last, self._control, self._up = None, None, None
+            self._way_back = self._way_back_of(motion.states)
             return motion
         self._last, self._control, self._way_back = pose, descent.control, None
         contact = self._contact
@@ -118,10 +119,6 @@ class ForceMotion(ServoMotion):
             contact.time_s = self._organ.time_s
         way = control.line.way_up(control.along_m)
         self._up = self._timed(through(way), self._settings.approach_speed_m_s)
-
-    def _ascent(self) -> Trajectory | None:
-        """See `PathMotion._ascent`: from contact, the way that the probe came down."""
-        return self._up if self._last is not None else super()._ascent()
 
     def _planned(self, pose: int) -> _Descent | str:
         """The way to a pose and down its beam, or why there is none."""

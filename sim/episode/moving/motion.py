@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from planner import Planner, Situation
 from sim.world.errors import WorldError
-from sim.world.motion.joint_limits import JointLimits
-from sim.world.motion.settings import MotionSettings
+from sim.world.ik.settings import IkSettings
 
 from ..positioner import Positioner
 from .travel import Travel
@@ -26,6 +26,7 @@ class Phase(IntEnum):
     TRANSFER = 1
     DESCEND = 2
     HOLD = 3
+    SWEEP = 4
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,10 @@ class Motion:
     """Largest contact force of the motion; None where there is no contact model."""
     reason: str = ""
     """Why the pose was not reached; empty if it was. Where there are states too, the arm moved and missed it."""
+    passed: tuple[int, ...] = ()
+    """The poses at, or next to, which readings are taken on the way, in order; none where one is taken at its end."""
+    passed_rows: tuple[int, ...] = ()
+    """The rows of the states in which they are taken."""
 
     @property
     def is_done(self) -> bool:
@@ -73,6 +78,18 @@ class Motion:
     def motion_s(self) -> float:
         """The time that it took [s]."""
         return float(self.time_s[-1]) if len(self.time_s) else 0.0
+
+    @property
+    def n_lift_offs(self) -> int:
+        """How often the probe was taken off the organ."""
+        is_lift = self.phases == int(Phase.LIFT)
+        return int(np.sum(is_lift & ~np.r_[False, is_lift[:-1]]))
+
+    @property
+    def contact_path_m(self) -> float:
+        """The length of the tip's way over the organ [m]."""
+        steps_m = np.linalg.norm(np.diff(self.tips_m, axis=0), axis=1)
+        return float(steps_m[self.phases[1:] == int(Phase.SWEEP)].sum())
 
     @property
     def tip_path_m(self) -> float:
@@ -102,6 +119,13 @@ def joined(motions: Sequence[Motion]) -> Motion:
     time_s = np.concatenate([start_s + part.time_s for start_s, part in zip(starts_s, motions, strict=False)])
     # A motion may begin with the state, and at the time, that the one before ended with.
     is_new = np.r_[True, np.diff(time_s) > 0.0]
+    row_of = np.cumsum(is_new) - 1
+    firsts = np.concatenate([[0], np.cumsum([len(part.time_s) for part in motions])]).astype(int)
+    rows = [
+        int(row_of[first + row])
+        for first, part in zip(firsts, motions, strict=False)
+        for row in part.passed_rows
+    ]
     travels_rad = [part.joint_travel_rad for part in motions if part.joint_travel_rad is not None]
     peaks_n = [part.peak_force_n for part in motions if part.peak_force_n is not None]
     return replace(
@@ -112,6 +136,8 @@ def joined(motions: Sequence[Motion]) -> Motion:
         phases=np.concatenate([part.phases for part in motions])[is_new],
         joint_travel_rad=sum(travels_rad) if travels_rad else None,
         peak_force_n=max(peaks_n) if peaks_n else None,
+        passed=tuple(pose for part in motions for pose in part.passed),
+        passed_rows=tuple(rows),
     )
 
 
@@ -131,6 +157,43 @@ class MotionModel(ABC):
     """Estimates how long ways take; None where there is no estimate."""
     notices: tuple[str, ...] = ()
     """What is to be known about the motion: with which limits an arm moves."""
+    senses_in_motion: bool = False
+    """Whether the time of sensing is a part of the motion."""
+
+    def ranking(self, planner: Planner, situation: Situation) -> Iterator[int]:
+        """The poses to try to bring the probe to, best first.
+
+        Args:
+            planner: Ranks them.
+            situation: What is known so far.
+        """
+        return planner.rank(situation)
+
+    def halts(self, data: mujoco.MjData, motion: Motion) -> Iterator[int | None]:
+        """Brings a state to each place of a motion at which a reading is taken, one after the other, the end being one.
+
+        Args:
+            data: The state at the end of the motion.
+            motion: The motion.
+
+        Yields:
+            The index of the pose there; None for the pose that the motion led to.
+        """
+        yield None
+
+    def stand_at(self, data: mujoco.MjData, pose: int) -> str:
+        """Takes the probe to be at a pose to which something else has brought it.
+
+        Args:
+            data: The state at the pose, which is left as it is.
+            pose: Index in the workspace.
+
+        Returns:
+            Why it cannot be lifted from there, as a sentence, and is not taken to be there; empty where it can.
+        """
+        raise NotImplementedError(
+            f"{type(self).__name__} moves the probe by itself alone, to pose {pose} too"
+        )
 
     @abstractmethod
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
@@ -149,67 +212,30 @@ class MotionModel(ABC):
         """
 
 
-class JumpMotion(MotionModel):
-    """A motion model that jumps from station to station: lift, stand-off, contact. Nothing between them is checked.
-
-    The time is an estimate: all joints go straight and start and stop together, and the tip keeps its speed limits.
-    """
-
-    def __init__(
-        self,
-        positioner: Positioner,
-        tip_site: str,
-        limits: JointLimits | None,
-        settings: MotionSettings | None = None,
-    ) -> None:
-        """Move what `positioner` carries; `limits` are those of all joints of the scene, None for a free probe."""
-        self._positioner, self._tip_site, self._limits = positioner, tip_site, limits
-        self._settings = settings or MotionSettings()
-        self.travel = Travel(positioner, limits, self._settings)
-        self._last: int | None = None
-
-    def move(self, data: mujoco.MjData, pose: int) -> Motion:
-        """See `MotionModel.move`."""
-        stations = [(pose, True, Phase.TRANSFER), (pose, False, Phase.DESCEND)]
-        if self._last is not None:
-            stations = [(self._last, False, Phase.LIFT), (self._last, True, Phase.LIFT), *stations]
-        tips_m, states = [], []
-        # An arm comes from where it stands, a free probe from nowhere.
-        if self._last is None and data.model.nq:
-            tips_m, states = [data.site(self._tip_site).xpos.copy()], [state_of(data)]
-        for at, is_lifted, _ in stations:
-            self._positioner.place(data, at, is_lifted=is_lifted)
-            tips_m.append(data.site(self._tip_site).xpos.copy())
-            states.append(state_of(data))
-        self._last = pose
-        phases = [Phase.TRANSFER] * (len(states) - len(stations)) + [phase for *_, phase in stations]
-        q, tips = np.array(states), np.array(tips_m)
-        durations_s = [
-            self._duration_s(q[i], q[i + 1], tips[i : i + 2], phases[i + 1]) for i in range(len(q) - 1)
-        ]
-        return Motion(
-            time_s=np.concatenate([[0.0], np.cumsum(durations_s)]),
-            states=q,
-            tips_m=tips,
-            phases=np.array(phases, dtype=np.int8),
-            joint_travel_rad=joint_travel_rad(data.model, q),
-        )
-
-    def _duration_s(
-        self, start: NDArray[np.float64], end: NDArray[np.float64], tips_m: NDArray[np.float64], phase: Phase
-    ) -> float:
-        settings = self._settings
-        speed = settings.tip_speed_m_s if phase is Phase.TRANSFER else settings.approach_speed_m_s
-        tip_s = float(np.linalg.norm(tips_m[1] - tips_m[0])) / speed
-        if self._limits is None:
-            return tip_s
-        joints_s = self._limits.rest_to_rest_s(np.abs(end - start))
-        return max(tip_s, float(joints_s.max(initial=0.0)))
-
-
 def state_of(data: mujoco.MjData) -> NDArray[np.float64]:
     """The joint positions of a state, or the pose of a free probe's body."""
     return data.qpos.copy() if data.model.nq else np.concatenate([data.mocap_pos[0], data.mocap_quat[0]])
+
+
+def set_state(data: mujoco.MjData, state: NDArray[np.float64]) -> None:
+    """Bring a scene to a state that a motion went through; its kinematics are up to date after."""
+    if data.model.nq:
+        data.qpos[:] = state
+    else:
+        data.mocap_pos[0], data.mocap_quat[0] = state[:3], state[3:]
+    mujoco.mj_fwdPosition(data.model, data)
+
+
+def lifted_state(data: mujoco.MjData, positioner: Positioner, tip_site: str) -> NDArray[np.float64] | str:
+    """The state with the tip lifted along its beam to the stand-off, or why there is none; `data` stays as it is."""
+    before, tip = state_of(data), data.site(tip_site)
+    T = np.eye(4)
+    T[:3, :3] = tip.xmat.reshape(3, 3)
+    T[:3, 3] = tip.xpos - IkSettings().standoff_m * T[:3, 2]
+    reason = positioner.shift(data, T)
+    lifted = state_of(data)
+    set_state(data, before)
+    return reason or lifted
 
 
 def joint_travel_rad(model: mujoco.MjModel, q: NDArray[np.float64]) -> float | None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -15,41 +13,14 @@ from sim.world.motion.settings import MotionSettings
 from sim.world.motion.timing import STILL, PathTimer, Trajectory
 
 from ..positioner import ArmPositioner
-from .motion import Motion, MotionModel, Phase, blocked, joint_travel_rad
+from .motion import Motion, MotionModel, Phase, blocked, joint_travel_rad, lifted_state
+from .plan import Plan
 from .travel import Travel
 
 RECORD_DT_S = 0.01
 """States are recorded at least this often."""
 STATES_BACK = 5
 """An arm that strayed looks at every so many of its states for one from which a transfer may begin."""
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What the arm is to do: T configurations of its chain in time, and what they are for."""
-
-    time_s: NDArray[np.float64]
-    """Time since the motion began [s], shape (T,)."""
-    q: NDArray[np.float64]
-    """Positions of the chain's joints [rad or m], shape (T, n_joints)."""
-    speed: NDArray[np.float64]
-    """Their speeds [rad/s or m/s], shape (T, n_joints)."""
-    phases: NDArray[np.int8]
-    """The `Phase` of each configuration, shape (T,)."""
-
-    @classmethod
-    def of(cls, parts: list[tuple[Phase, Trajectory]]) -> Plan:
-        """The plan of some parts one after the other, each of which begins where the one before ended."""
-        start_s, times_s, phases = 0.0, [], []
-        for phase, part in parts:
-            times_s.append(start_s + part.time_s)
-            phases.append(np.full(len(part.time_s), int(phase), dtype=np.int8))
-            start_s += float(part.time_s[-1])
-        time_s = np.concatenate(times_s)
-        # A part begins with the state that the one before ended with, which is kept once.
-        is_new = np.r_[True, np.diff(time_s) > 0.0]
-        q, speed = (np.vstack([getattr(part, name) for _, part in parts])[is_new] for name in ("q", "speed"))
-        return cls(time_s[is_new], q, speed, np.concatenate(phases)[is_new])
 
 
 class PathMotion(MotionModel):
@@ -62,14 +33,17 @@ class PathMotion(MotionModel):
         timer: PathTimer,
         settings: MotionSettings,
         travel: Travel,
+        tip_site: str,
     ) -> None:
         """Move what `positioner` carries, from its home on."""
+        self._tip_site = tip_site
         self._positioner, self._paths, self._timer, self._settings = positioner, paths, timer, settings
         self.travel = travel
         self._chain = positioner.search.chain
         self._lines: dict[int, Trajectory] = {}
         self._last: int | None = None
         self._way_back: NDArray[np.float64] | None = None
+        self._up: Trajectory | None = None
         self._dt_s, self._press_m = RECORD_DT_S, 0.0
 
     def move(self, data: mujoco.MjData, pose: int) -> Motion:
@@ -78,10 +52,24 @@ class PathMotion(MotionModel):
         if isinstance(plan, str):
             return blocked(plan)
         motion = self._follow(data, plan)
-        self._last, self._way_back = pose, None
+        self._last, self._way_back, self._up = pose, None, None
         if not motion.is_done:
             self._last, self._way_back = None, self._way_back_of(motion.states)
         return motion
+
+    def stand_at(self, data: mujoco.MjData, pose: int) -> str:
+        """See `MotionModel.stand_at`."""
+        here = data.site(self._tip_site)
+        position_m, normal = here.xpos.copy(), here.xmat.reshape(3, 3)[:, 2].copy()
+        q, above = data.qpos[self._chain.columns].copy(), lifted_state(data, self._positioner, self._tip_site)
+        if isinstance(above, str):
+            return above
+        path = self._paths.line(q, above[self._chain.columns], position_m, normal)
+        if not path.is_free:
+            return path.reason
+        self._up = self._timed(path.curves[0], self._settings.approach_speed_m_s)
+        self._last, self._way_back = pose, None
+        return ""
 
     def _follow(self, data: mujoco.MjData, plan: Plan) -> Motion:
         """The motion along a plan, to the end of which the state is brought."""
@@ -119,6 +107,8 @@ class PathMotion(MotionModel):
 
     def _ascent(self) -> Trajectory | None:
         """The timed way from where the arm is to where it moves freely, or None where it has not moved yet."""
+        if self._up is not None:
+            return self._up
         if self._last is not None:
             return self._lines[self._last].reversed()
         if self._way_back is None:

@@ -14,7 +14,8 @@ from sim.world.motion.timing import PathTimer
 
 from ..positioner import ArmPositioner
 from .motion import Motion, Phase, ProcedureStoppedError, joint_travel_rad
-from .path_motion import RECORD_DT_S, PathMotion, Plan
+from .path_motion import RECORD_DT_S, PathMotion
+from .plan import Plan
 from .travel import Travel
 
 
@@ -30,12 +31,13 @@ class ServoMotion(PathMotion):
         timer: PathTimer,
         settings: MotionSettings,
         travel: Travel,
+        tip_site: str,
         *,
         arm: ServoArm,
         servo: ServoSettings,
     ) -> None:
         """Move what `positioner` carries by the servos of `arm`."""
-        super().__init__(positioner, paths, timer, settings, travel)
+        super().__init__(positioner, paths, timer, settings, travel, tip_site)
         self._arm, self.servo = arm, servo
         self._dt_s, self._press_m = RECORD_DT_S, servo.press_m
 

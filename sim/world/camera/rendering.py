@@ -23,7 +23,9 @@ SENSED_RGBA = rgba(PROBE)
 CURRENT_RGBA = (0.97, 0.98, 0.98, 1.0)
 CELL_RGBA = rgba(MAP, 0.85)
 PATH_RGBA = rgba(INK, 0.9)
-DOT_SHARE, PATH_SHARE = 0.009, 0.003
+DOT_SHARE, PATH_SHARE, TRACE_SHARE = 0.009, 0.003, 0.004
+TRACE_RGB = ((0.27, 0.13, 0.99), (0.0, 0.57, 0.91), (0.33, 0.55, 0.14))
+"""Red, green and blue of a trace at its oldest, in its middle and at its newest: the ends and the middle of viridis."""
 """Radii of the dots and of the tip's way, as shares of the organ's size."""
 SAMPLES = 2
 """Samples a pixel along each axis. On a software renderer the larger picture takes less time than MuJoCo's own samples,
@@ -73,6 +75,9 @@ class Overlay:
     """Edge of a cell [m]."""
     path_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     """The tip's path since the last action, shape (P, 3) [m]."""
+    trace_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2, 3)))
+    """Pieces of the tip's way on the organ so far, each from one place to another, the oldest first, (Q, 2, 3) [m]; the
+    older, the darker."""
 
 
 class SceneRenderer:
@@ -254,6 +259,19 @@ def _draw(scene: mujoco.MjvScene, overlay: Overlay, size_m: float) -> None:
         geom = _add_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), start_m, PATH_RGBA)
         if geom is not None:
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, PATH_SHARE * size_m, start_m, end_m)
+    for age, (start_m, end_m) in zip(
+        np.linspace(0.0, 1.0, len(overlay.trace_m)), overlay.trace_m, strict=True
+    ):
+        geom = _add_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), start_m, _trace_rgba(float(age)))
+        if geom is not None:
+            width_m = TRACE_SHARE * size_m
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, width_m, start_m, end_m)
+
+
+def _trace_rgba(age: float) -> tuple[float, float, float, float]:
+    """The colour of a piece of a trace, from dark blue for the oldest, 0, to yellow for the newest, 1."""
+    red, green, blue = (float(np.interp(age, (0.0, 0.5, 1.0), each)) for each in TRACE_RGB)
+    return red, green, blue, 1.0
 
 
 def _add_geom(

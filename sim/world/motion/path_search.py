@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from sim.world.ik.chain import Array
-from sim.world.ik.damped_least_squares import descend
+from sim.world.ik.damped_least_squares import descend, pose_errors
 from sim.world.ik.search import IkSearch
 from sim.world.scene.clearance import PROBE_MARGIN_M, Collision
 
@@ -36,6 +36,10 @@ ARCH_TOLERANCE_M, ARCH_TOLERANCE_RAD = 0.01, 0.1
 """How closely the arm follows an arch."""
 FLANK_SLACK_M = 5e-4
 """Between pose and stand-off the probe's flank may seem this deep in the organ: what the distance grid rounds off."""
+SLIDE_TOLERANCE_M, SLIDE_TOLERANCE_RAD = 5e-4, 0.06
+"""How closely tip and beam follow a way over the surface, also between the configurations that it is made of."""
+MAX_SLIDE_TURN_RAD = 0.35
+"""No joint turns more than this between two configurations of such a way [rad or m]: more is no sliding."""
 CURVE_SAMPLES = 3
 """A rounded path is looked at this many times per knot of its curve: between those it is as good as straight."""
 
@@ -104,6 +108,34 @@ class PathSearch:
             return Path((), "The arm cannot follow the normal between pose and stand-off.")
         hit = self._hit_on_line(q[lift_m[:, 0] >= 0.0])
         return Path((), f"On the way from the stand-off to the pose, {hit}.") if hit else Path((through(q),))
+
+    def slide(self, q: Array, places_m: Array, beams: Array) -> Path:
+        """The way of the probe over the organ, its face kept on the surface.
+
+        Args:
+            q: Configurations of the chain on the way, shape (K, n), K at least 2.
+            places_m: Where the tip is in each [m], shape (K, 3).
+            beams: Where the beam points in each, unit vectors, shape (K, 3).
+        """
+        steps = np.abs(np.diff(q, axis=0)).max(axis=1)
+        if steps.max() > MAX_SLIDE_TURN_RAD:
+            return Path((), "The arm cannot slide on without turning over.")
+        # The tip goes as far from each configuration to the next, and a spline over that way swings least.
+        curve = CubicSpline(np.arange(len(q), dtype=np.float64), q)
+        between = np.linspace(0.0, len(q) - 1.0, 2 * len(q) - 1)
+        dense, low = curve(between), np.floor(between).astype(np.int64)
+        dense = np.clip(dense, self._chain.low, self._chain.high)
+        high, share = np.minimum(low + 1, len(q) - 1), (between - low)[:, None]
+        along = (1.0 - share) * beams[low] + share * beams[high]
+        away_m, off_rad = pose_errors(
+            self._chain.forward(dense),
+            (1.0 - share) * places_m[low] + share * places_m[high],
+            along / np.linalg.norm(along, axis=1, keepdims=True),
+        )
+        if (away_m > SLIDE_TOLERANCE_M).any() or (off_rad > SLIDE_TOLERANCE_RAD).any():
+            return Path((), "The arm cannot keep the probe on the surface between two poses.")
+        hit = self._hit_on_line(dense)
+        return Path((), f"On the way over the organ, {hit}.") if hit else Path((curve,))
 
     def transfer(self, start_q: Array, end_q: Array) -> Path:
         """A free path between two configurations with the probe lifted: the straight one, or a way around."""

@@ -226,6 +226,7 @@ def test_planners_say_which_map_they_were_made_for() -> None:
     calibrated = {name for name, prevalence in chosen.items() if prevalence == 0.02}
     assert calibrated == {
         "find-and-outline", "mutual-information", "expected-volume", "greedy-coverage", "trained",
+        "find-and-outline-paths", "boustrophedon", "ergodic", "a-star",
     }  # fmt: skip
     assert {chosen[name] for name in set(chosen) - calibrated} == {0.5}
     config = config_of(planner="find-and-outline", map_settings="paper")

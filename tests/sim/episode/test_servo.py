@@ -12,7 +12,7 @@ from moved import POSES, motions
 from planner import Planner, make_planner
 from sim.episode.episode import Episode
 from sim.episode.moving.arm_motion import make_motion_model
-from sim.episode.moving.motion import Phase, ProcedureStoppedError
+from sim.episode.moving.motion import MotionModel, Phase, ProcedureStoppedError
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import build_setup
 from sim.world.ik.chain import ChainState
@@ -109,7 +109,7 @@ def test_servos_of_other_arms_are_fast_for_their_inertia(sphere_arm_setup) -> No
     assert not run.is_stopped
 
 
-class WeakAt:
+class WeakAt(MotionModel):
     """Takes nearly all torque from a servo arm on its way to some poses, and gives it back after."""
 
     def __init__(self, motion_model, poses) -> None:

@@ -1,0 +1,1 @@
+"""Sensing along the way: the ground that a probe glides over, its timed ways in contact, and the readings on them."""

@@ -9,6 +9,7 @@ from planner_situations import flat_workspace
 from scipy.stats import nbinom
 from searched import CONE, PLANNER, blob, play, seen_free, situation
 
+from mapping import LabelledPoints
 from planner import FindAndOutline, LesionPrior, PlannerError
 from planner.find_and_outline.still_hiding import still_hiding
 from planner.stopping.expectation import is_worth_searching, what_is_left
@@ -34,6 +35,15 @@ def planted_points(rng, *, diameter_m, gap_m=None, spacing_m=0.004):
     points_m = rng.uniform(-side_m / 2, side_m / 2, (int(4.0 * (side_m / spacing_m) ** 3), 3))
     is_tumour = (np.linalg.norm(points_m[:, None] - centres_m, axis=2) <= diameter_m / 2).any(axis=1)
     return points_m[is_tumour], points_m[~is_tumour]
+
+
+def test_a_reading_without_points_is_one_of_which_little_follows() -> None:
+    """A sensor may see nothing at all, where contact is lost; the count then goes on as before the first action."""
+    nothing = LabelledPoints(np.empty((0, 3)), np.empty(0, dtype=bool))
+    assert labels_per_m3(CONE, [nothing]) == labels_per_m3(CONE, []) > 0.0
+    seen = situation(workspace=flat_workspace(), readings=(nothing,), sensed=(0,))
+    assert 0.0 <= PLANNER.confidence(seen) < 1.0
+    assert next(iter(PLANNER.rank(seen))) >= 0
 
 
 @pytest.mark.parametrize(

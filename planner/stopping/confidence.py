@@ -50,7 +50,9 @@ def share_known_free(balls: HiddenBalls, situation: Situation) -> float:
     hiding = _left_by_readings(balls, situation)
     is_left = situation.available(exclude_sensed=True)
     is_findable = (hiding < balls.weights) | (balls.finds.T @ is_left.astype("float32") > 0)
-    return float(1.0 - hiding[is_findable].sum() / max(balls.weights[is_findable].sum(), 1e-30))
+    share = 1.0 - hiding[is_findable].sum() / max(balls.weights[is_findable].sum(), 1e-30)
+    # Sums in single precision may differ by a rounding where nothing is known yet.
+    return max(0.0, float(share))
 
 
 def seeks_certainty(situation: Situation, prior: BallPrior, radius_m: float) -> bool:

@@ -8,7 +8,8 @@ import numpy as np
 import pyigtl
 
 
-def main(port: int = 18944, n_actions: int = 4) -> None:
+def main() -> None:
+    port, n_actions = (int(sys.argv[1]) if sys.argv[1:] else 18944), 4
     client = pyigtl.OpenIGTLinkClient(port=port)
     rng, lesion_ras_mm = np.random.default_rng(0), None
     for action in range(n_actions):
@@ -42,4 +43,4 @@ def decided(client: pyigtl.OpenIGTLinkClient, n_sensed: int) -> dict:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

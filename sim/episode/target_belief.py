@@ -24,10 +24,10 @@ from mapping import (
 from planner import Cone, Planner
 from sim.world.sensing.reading import Reading
 
-from .body import Laid
 from .measures import NEVER, never, note_first
 
 if TYPE_CHECKING:
+    from .body import Laid
     from .setup import Setup
     from .truth import TargetTruth
 

@@ -204,10 +204,10 @@ class EpisodeConfig:
     organ: Path | None = None
     """Mesh (STL, OBJ, PLY, GLB, glTF) or label volume (.nii, .nii.gz, .nrrd) that replaces the scenario's organ."""
     planner: str = "find-and-outline"
-    """What chooses the next pose: find-and-outline, expected-improvement (the paper's), trained, a baseline (random,
+    """What chooses the next pose: find-and-outline, expected-improvement (the paper's), trained, random,
     multi-resolution, greedy-coverage, upper-confidence-bound, probability-of-improvement, thompson-sampling,
-    mutual-information, expected-volume), a planner of paths (find-and-outline-paths, boustrophedon, ergodic, a-star),
-    or your own planner as package.module:Class."""
+    mutual-information, expected-volume; of paths find-and-outline-paths, boustrophedon, ergodic, a-star; or your own
+    as package.module:Class."""
     sensor: str = CONE
     """What turns a contact into a reading: cone (the paper's, which is exact), cone-with-errors (the same, labelled by
     a reader that errs), ultrasound (a sweep of B-mode pictures), or your own sensor as package.module:Class."""

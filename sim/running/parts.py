@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -270,16 +271,21 @@ def _check_stops(config: EpisodeConfig, planner: Planner) -> None:
         raise FieldError(
             "until_confident",
             config.until_confident,
-            f"the planner {name} does not tell how sure it is. {', '.join(confident_planner_names())} does, and one of "
-            "your own that defines confidence.",
+            f"the planner {name} does not tell how sure it is. "
+            f"{_those(confident_planner_names())}, and so does one of your own that defines confidence.",
         )
     if config.miss_cost is not None and not planner.weighs_cost:
         raise FieldError(
             "miss_cost",
             config.miss_cost,
-            f"the planner {name} does not weigh what more actions are worth. {', '.join(weighing_planner_names())} "
-            "does, and one of your own that defines is_worth_going_on.",
+            f"the planner {name} does not weigh what more actions are worth. "
+            f"{_those(weighing_planner_names())}, and so does one of your own that defines is_worth_going_on.",
         )
+
+
+def _those(names: Sequence[str]) -> str:
+    """Names, and that they do."""
+    return f"{names[0]} does" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} do"
 
 
 def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:

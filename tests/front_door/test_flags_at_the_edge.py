@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FLAG = re.compile(r"(?<![\w-])--[a-z][\w-]*")
 FLAGS_OF_OTHERS = {
     # What each extra gives is said as a command, for `sounding doctor` and for errors.
-    "sim/extras.py": {"--video", "--rerun", "--parquet", "--engine", "--sensor"},
+    "sim/extras.py": {"--video", "--rerun", "--parquet", "--engine", "--sensor", "--format"},
     # What Git is called with to tell the version of the code.
     "sim/record/run_folder.py": {"--always", "--abbrev", "--dirty", "--exclude"},
     # A program of its own, run by its module's name.

@@ -234,7 +234,7 @@ def test_a_configuration_is_recorded_without_loss() -> None:
     """All fields but those that say where a run comes from and goes to."""
     options = parse_command(["episode", "--scenario", "sphere", "--seed", "3", "--joint-speed", "0.5"])
     values = recorded(options)
-    assert set(field_names()) - set(values) == {"config", "out", "overwrite"}
+    assert set(field_names()) - set(values) == {"config", "live", "out", "overwrite"}
     assert values == {name: value for name, value in flat(options).items() if name in values}
 
 

@@ -3,6 +3,7 @@
 import socket
 import struct
 import time
+from contextlib import suppress
 
 import numpy as np
 
@@ -96,6 +97,14 @@ class PlainClient:
             if name == device and accept(body):
                 return kind, body
         raise TimeoutError(device)
+
+    def end(self):
+        """Say that nothing more is sent, and go when the server has, so that all that was sent has been read."""
+        with suppress(OSError):
+            self.socket.shutdown(socket.SHUT_WR)
+            while self.socket.recv(2**16):
+                pass
+        self.close()
 
     def close(self):
         self.socket.close()

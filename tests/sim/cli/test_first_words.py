@@ -49,7 +49,7 @@ def test_help_begins_with_examples_that_are_understood(command, capsys, monkeypa
         (["episode", "--scenario", "."], "is a folder"),
         (
             ["episode", "--planner", "random", "--until-confident", "0.9"],
-            "--until-confident 0.9: the planner random does not tell how sure it is\\. find-and-outline does",
+            "--until-confident 0.9: the planner random does not tell how sure it is\\. find-and-outline and find-",
         ),
         (["episode", "--miss-cost", "-5"], "--miss-cost -5.0: must be above 0\\."),
         (["episode", "--cone-depth-mm", "0"], "--cone-depth-mm 0.0: must be from 5 to 1000 mm\\."),
@@ -81,7 +81,7 @@ def test_a_typo_in_a_flag_tells_of_this_command_alone(capsys) -> None:
     assert "--planner" in told
     assert "sounding episode --help" in told
     assert "sounding trials" not in told
-    assert len(told.splitlines()) < 15
+    assert len(told.splitlines()) <= 15
 
 
 @pytest.mark.parametrize(

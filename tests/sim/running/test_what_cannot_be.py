@@ -200,7 +200,8 @@ def test_a_confidence_to_stop_at_is_refused_where_the_planner_never_tells_one() 
 
 def test_the_cost_of_a_miss_is_refused_where_the_planner_does_not_weigh_it() -> None:
     with pytest.raises(
-        FieldError, match=r"miss_cost=90.0: the planner random does not weigh .* find-and-outline does"
+        FieldError,
+        match=r"miss_cost=90.0: the planner random does not weigh .* find-and-outline and .* do",
     ):
         check_config(config_of(planner="random", miss_cost=90.0))
     with pytest.raises(FieldError, match="miss_cost=90.0: the planner Weighted does not weigh"):

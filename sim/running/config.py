@@ -29,8 +29,7 @@ MapName = Literal["paper", "calibrated"]
 PlanFor = Literal["tumours", "target"]
 ALWAYS, WHEN_NEEDED = "always", "when-needed"
 """The choices of when the built-in map is kept."""
-DEFAULT_PROBE = "default"
-"""The name of the embedded probe."""
+DEFAULT_PROBE = "default"  # the embedded probe
 CONE, CONE_WITH_ERRORS, ULTRASOUND = "cone", "cone-with-errors", "ultrasound"
 """The names of the paper's exact sensor, of the same whose reader errs, and of the one that draws pictures."""
 SENSORS = (CONE, CONE_WITH_ERRORS, ULTRASOUND)
@@ -206,8 +205,8 @@ class EpisodeConfig:
     planner: str = "find-and-outline"
     """What chooses the next pose: find-and-outline, expected-improvement (the paper's), trained, random,
     multi-resolution, greedy-coverage, upper-confidence-bound, probability-of-improvement, thompson-sampling,
-    mutual-information, expected-volume; of paths find-and-outline-paths, boustrophedon, ergodic, a-star; or your own
-    as package.module:Class."""
+    mutual-information, expected-volume; of paths find-and-outline-paths, boustrophedon, ergodic, a-star; or your
+    own as package.module:Class."""
     sensor: str = CONE
     """What turns a contact into a reading: cone (the paper's, which is exact), cone-with-errors (the same, labelled by
     a reader that errs), ultrasound (a sweep of B-mode pictures), or your own sensor as package.module:Class."""

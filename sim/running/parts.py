@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -265,8 +264,8 @@ def _named_planner(config: EpisodeConfig) -> Planner:
 
 def _check_stops(config: EpisodeConfig, planner: Planner) -> None:
     """Refuse rules to stop by of which the planner tells nothing, since the run would never stop by them."""
-    names = (each for each in planner_names() if planner_class(each) is type(planner))
-    name = next(names, type(planner).__name__)
+    own = type(planner)
+    name = next((each for each in planner_names() if planner_class(each) is own), own.__name__)
     if config.until_confident is not None and not planner.tells_confidence:
         raise FieldError(
             "until_confident",
@@ -283,7 +282,7 @@ def _check_stops(config: EpisodeConfig, planner: Planner) -> None:
         )
 
 
-def _those(names: Sequence[str]) -> str:
+def _those(names: tuple[str, ...]) -> str:
     """Names, and that they do."""
     return f"{names[0]} does" if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]} do"
 

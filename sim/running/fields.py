@@ -78,6 +78,18 @@ def config_of(values: Mapping[str, Any] | None = None, /, **more: Any) -> Episod
     return changed(EpisodeConfig(), **(values or {}), **more)
 
 
+def episode_of(options: Any, **more: Any) -> EpisodeConfig:
+    """The configuration of the episode that a command's options tell of: its fields and groups that they have by name.
+
+    Args:
+        options: A data class. What it says of where to write to is the command's own.
+        more: Fields and groups that it has not, or means otherwise.
+    """
+    names = (field.name for field in dataclasses.fields(EpisodeConfig) if field.name not in OF_THE_CALL)
+    own = {name: getattr(options, name) for name in names if hasattr(options, name)}
+    return EpisodeConfig(**(own | more))
+
+
 def changed(config: EpisodeConfig, **values: Any) -> EpisodeConfig:
     """The configuration with other values of some fields.
 

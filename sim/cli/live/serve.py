@@ -20,6 +20,7 @@ from sim.running.config import (
     PlanningConfig,
     SensingConfig,
 )
+from sim.running.fields import episode_of
 from sim.running.reader import ReaderConfig
 
 EXAMPLES = """
@@ -108,24 +109,8 @@ def run(options: Options) -> int:
     from sim.live.service import ServiceSettings
     from sim.running.live.serving import Serving, serve
 
-    config = EpisodeConfig(
-        scenario=options.scenario,
-        organ=options.organ,
-        planner=options.planner,
-        sensor=options.sensor,
-        seed=options.seed,
-        arm="none",
-        until_confident=options.until_confident,
-        miss_cost=options.miss_cost,
-        case=options.case,
-        anatomy=options.anatomy,
-        sensing=options.sensing,
-        reading=options.reading,
-        planning=options.planning,
-        find_and_outline=options.find_and_outline,
-        expected_improvement=options.expected_improvement,
-        mapping=options.mapping,
-    )
+    # A session ends where its planner says so, and has no largest number of actions.
+    config = episode_of(options, arm="none", steps=EpisodeConfig.steps)
     name = f"serve-{file_part(options.scenario)}-{options.seed}"
     serving = Serving(
         folder=options.out or default_folder(name, {}),

@@ -12,7 +12,8 @@ from sim.cli.terminal import parse
 from sim.errors import FieldError
 from sim.record.default_folders import file_part, first_path
 from sim.running.case import MM, AnatomyConfig, CaseConfig
-from sim.running.config import ULTRASOUND, EpisodeConfig, SensingConfig
+from sim.running.config import ULTRASOUND, SensingConfig
+from sim.running.fields import episode_of
 from sim.running.parts import scenario_of
 from sim.running.reader import ReaderConfig
 from sim.running.sensor import image_reader_of
@@ -74,18 +75,8 @@ def parse_options(arguments: Sequence[str], prog: str) -> Options:
 
 def run(options: Options) -> int:
     """Draw the picture, print what it shows, and return the exit code."""
-    config = EpisodeConfig(
-        scenario=options.scenario,
-        organ=options.organ,
-        seed=options.seed,
-        sensor=ULTRASOUND,
-        arm="none",
-        case=options.case,
-        anatomy=options.anatomy,
-        sensing=options.sensing,
-        ultrasound=options.ultrasound,
-        reading=ReaderConfig(reader=options.reader, reader_weights=options.reader_weights),
-    )
+    reading = ReaderConfig(reader=options.reader, reader_weights=options.reader_weights)
+    config = episode_of(options, sensor=ULTRASOUND, arm="none", reading=reading)
     sensor, scenario = ultrasound_sensor_of(options.ultrasound), scenario_of(config)
     reader = image_reader_of(config)
     # Imported here, since MuJoCo takes half a second, and help needs none of it.

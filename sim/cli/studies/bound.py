@@ -13,6 +13,7 @@ from sim.cli.terminal import INTERRUPTED, NOT_USABLE, note, parse
 from sim.errors import FieldError
 from sim.running.case import AnatomyConfig, CaseConfig
 from sim.running.config import EpisodeConfig
+from sim.running.fields import episode_of
 from sim.running.parts import check_config
 
 if TYPE_CHECKING:
@@ -73,9 +74,7 @@ class Options:
 
     def make_config(self) -> EpisodeConfig:
         """Scenario, arm and case as the configuration of an episode."""
-        return EpisodeConfig(
-            scenario=self.scenario, arm=self.arm, organ=self.organ, case=self.case, anatomy=self.anatomy
-        )
+        return episode_of(self)
 
     def make_settings(self) -> BoundSettings:
         """What is bounded, and how."""

@@ -14,7 +14,6 @@ from sim.record.default_folders import file_part
 from sim.running.case import AnatomyConfig, CaseConfig
 from sim.running.config import (
     CONE,
-    EpisodeConfig,
     ExpectedImprovementConfig,
     FindAndOutlineConfig,
     MappingConfig,
@@ -22,6 +21,7 @@ from sim.running.config import (
     PlanningConfig,
     SensingConfig,
 )
+from sim.running.fields import episode_of
 from sim.running.reader import ReaderConfig
 from sim.running.ultrasound import UltrasoundConfig
 from sim.world.motion.settings import MotionKind
@@ -100,29 +100,9 @@ def run(options: Options) -> int:
     from sim.dataset.building import build
     from sim.dataset.plan import DatasetPlan
 
-    config = EpisodeConfig(
-        scenario=options.scenario,
-        organ=options.organ,
-        planner=options.planner,
-        sensor=options.sensor,
-        steps=options.steps,
-        until_sensed=options.until_sensed,
-        until_confident=options.until_confident,
-        arm=options.arm,
-        moving=MovingConfig(motion=options.motion),
-        case=options.case,
-        anatomy=options.anatomy,
-        sensing=options.sensing,
-        reading=options.reading,
-        ultrasound=options.ultrasound,
-        planning=options.planning,
-        find_and_outline=options.find_and_outline,
-        expected_improvement=options.expected_improvement,
-        mapping=options.mapping,
-    )
     default = Path("renders") / f"dataset-{file_part(options.scenario)}-{options.format}"
     plan = DatasetPlan(
-        config=config,
+        config=episode_of(options, moving=MovingConfig(motion=options.motion)),
         seeds=parse_seeds(options.seeds),
         format=options.format,
         shard_size=options.shard,

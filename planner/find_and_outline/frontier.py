@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
@@ -24,14 +26,19 @@ _CUBE_M = 0.03
 """Points are handled cube by cube of this side [m], so that most poses drop out at once."""
 
 
+@lru_cache(maxsize=2)
 def probability_at(lattice: FineLattice, prediction: Prediction) -> NDArray[np.float64]:
     """The probability of tumour at the fine points, shape (F,), from the interpolated score, which is smooth.
+
+    It is kept, since score, confidence and count of one belief ask for it, and cannot be written to.
 
     Args:
         lattice: The fine points.
         prediction: The belief at the search points.
     """
-    return expit(lattice.interpolate(prediction.score))
+    probability = expit(lattice.interpolate(prediction.score))
+    probability.flags.writeable = False
+    return probability
 
 
 def sensed_points(

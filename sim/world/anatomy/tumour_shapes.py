@@ -1,5 +1,7 @@
 """The shapes of planted tumours: balls, and lobulated blobs."""
 
+from functools import lru_cache
+
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -10,11 +12,17 @@ SPHERE_SUBDIVISIONS = 3
 """Subdivisions of the icosahedron: 1,280 triangles, whose edges on a 40 mm tumour are 3 mm long."""
 
 
+@lru_cache(maxsize=1)
 def ball_shape() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """An icosphere about the origin with the volume of the unit ball: vertices, shape (V, 3), and faces."""
+    """An icosphere about the origin with the volume of the unit ball: vertices, shape (V, 3), and faces.
+
+    It is made once, and cannot be written to.
+    """
     sphere = trimesh.creation.icosphere(subdivisions=SPHERE_SUBDIVISIONS)
     vertices = np.asarray(sphere.vertices) * np.cbrt(4.0 / 3.0 * np.pi / sphere.volume)
-    return vertices, np.asarray(sphere.faces, dtype=np.int64)
+    faces = np.array(sphere.faces, dtype=np.int64)
+    vertices.flags.writeable = faces.flags.writeable = False
+    return vertices, faces
 
 
 def lobulated_shape(

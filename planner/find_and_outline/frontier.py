@@ -18,7 +18,7 @@ from ..workspace import Workspace
 from .fine_lattice import FineLattice
 from .hidden_balls import distance_to_cones
 
-SUSPECTED, _CONFIRMED = 0.2, 0.9
+_SUSPECTED, _CONFIRMED = 0.2, 0.9
 """Where views may be wrong, a place of the first probability is a suspect, and one of the second is confirmed."""
 _ENOUGH_LOOKS = 3
 """A suspect that lay in this many cones is looked at no more for its own sake."""
@@ -39,6 +39,25 @@ def probability_at(lattice: FineLattice, prediction: Prediction) -> NDArray[np.f
     probability = expit(lattice.interpolate(prediction.score))
     probability.flags.writeable = False
     return probability
+
+
+def likely_tumour_m(
+    lattice: FineLattice, probability: NDArray[np.float64], situation: Situation
+) -> NDArray[np.float64]:
+    """The places where tumour is likely [m], shape (P, 3): by the map, or by labels that can be believed.
+
+    The map smooths away a few labels of tumour among many of none, such as a cone that grazes one returns.
+
+    Args:
+        lattice: The fine points.
+        probability: The probability of tumour at them, shape (F,).
+        situation: What is known so far.
+    """
+    rate = situation.false_positive_rate
+    # Where views may invent lesions, the map weighs them against each other.
+    believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings if reading.weight is None]
+    least = 0.5 if situation.missed_rate == 0.0 else _SUSPECTED
+    return np.concatenate([lattice.points_m[probability > least], *believed_m])
 
 
 def sensed_points(
@@ -73,7 +92,7 @@ def unconfirmed_points(
         probability: The probability of tumour there, shape (F,).
         margin_m: What counts as nearby [m].
     """
-    is_suspect = probability > SUSPECTED
+    is_suspect = probability > _SUSPECTED
     confirmed_m, suspect = points_m[probability > _CONFIRMED], np.flatnonzero(is_suspect)
     if len(confirmed_m) and suspect.size:
         gap_m, _ = KDTree(confirmed_m).query(points_m[suspect], distance_upper_bound=margin_m)

@@ -24,8 +24,9 @@ from ..stopping.expectation import is_worth_searching, what_is_left
 from ..stopping.lesion_count import label_spacing_m, n_lesions
 from ..stopping.lesion_prior import LesionPrior
 from ..stopping.what_is_left import WhatIsLeft
+from .faint_findings import faint_score
 from .fine_lattice import FineLattice, fine_lattice, likely_m3
-from .frontier import SUSPECTED, probability_at, seen_weight, sensed_points, unconfirmed_points
+from .frontier import likely_tumour_m, probability_at, seen_weight, sensed_points, unconfirmed_points
 from .hidden_balls import BallPrior, HiddenBalls, hidden_balls
 from .rims import rim_score
 from .suspects import suspects
@@ -57,6 +58,8 @@ class FindAndOutline(Planner):
     """Tumour volume that a search of the whole organ is expected to find [m^3]: weighs finding against outlining."""
     hidden_ratio: float = 1.0
     """What it is expected to find beyond that, as a share of the volume found so far: where much was, more may be."""
+    faint_share: float = 0.1
+    """What a look at a faint finding is worth, as a share of what a search of the whole organ is expected to find."""
     fading: float = 0.03
     """Factor of a ball's weight for each time that a pose looked at it and found nothing; at least the chance with
     which the sensor is believed to miss a lesion."""
@@ -79,7 +82,7 @@ class FindAndOutline(Planner):
         for name in ("floor", "fading"):
             if not 0.0 <= getattr(self, name) < 1.0:
                 raise PlannerError(f"`{name}` must lie in 0 .. 1, 1 excluded, got {getattr(self, name)}")
-        for name in ("hidden_ratio", "travel_weight"):
+        for name in ("hidden_ratio", "faint_share", "travel_weight"):
             if not 0.0 <= getattr(self, name) < np.inf:
                 raise PlannerError(f"`{name}` must be 0 or above and finite, got {getattr(self, name)}")
         if not 1 <= self.batch <= MAX_STOPS:
@@ -154,7 +157,9 @@ class FindAndOutline(Planner):
     def score(self, situation: Situation) -> NDArray[np.float64]:
         """The tumour volume that each pose is expected to newly see, outlined or found [m^3], shape (N,), 0 or above.
 
-            score = V search + outline + rim,   V = hidden_m3 + hidden_ratio F,   F the volume of likely tumour
+            score = V (search + c faint) + outline + rim,   V = hidden_m3 + hidden_ratio F,   c = faint_share
+
+        F is the volume of likely tumour, and faint counts findings without extent, see `faint_score`.
 
         An outline below `least_gain_m3` counts as none. What is in doubt at rims counts where views may be wrong, see
         `rim_score`, but not where an episode seeks to be sure.
@@ -171,6 +176,8 @@ class FindAndOutline(Planner):
         if self._seeks_certainty(situation):
             return found_m3
         lattice = fine_lattice(situation.search_points_m)
+        if self.faint_share > 0.0:
+            found_m3 += hidden_m3 * self.faint_share * faint_score(situation, lattice)
         return found_m3 + rim_score(situation, lattice, _probability(lattice, situation))
 
     def search_score(self, situation: Situation) -> NDArray[np.float64]:
@@ -212,7 +219,7 @@ class FindAndOutline(Planner):
         lattice = fine_lattice(situation.search_points_m)
         probability = _probability(lattice, situation)
         suspected = suspects(situation, lattice.points_m[probability > 0.5], self.margin_m)
-        likely_m = np.concatenate([_likely_tumour_m(lattice, probability, situation), suspected.points_m])
+        likely_m = np.concatenate([likely_tumour_m(lattice, probability, situation), suspected.points_m])
         around = lattice.near(likely_m, self.margin_m)
         points_m = lattice.points_m[around]
         is_open = ~sensed_points(workspace, cone, situation.sensed, points_m)
@@ -258,7 +265,7 @@ class FindAndOutline(Planner):
     def _n_found(self, situation: Situation) -> int:
         """The number of lesions found, which are clusters of likely tumour."""
         lattice = fine_lattice(situation.search_points_m)
-        tumour_m = _likely_tumour_m(lattice, _probability(lattice, situation), situation)
+        tumour_m = likely_tumour_m(lattice, _probability(lattice, situation), situation)
         labels_m = label_spacing_m(situation.cone, situation.readings)
         free_m = [reading.points_m[~reading.is_occupied] for reading in situation.readings]
         spacing_m = max(lattice.cell_m3 ** (1.0 / 3.0), labels_m)
@@ -280,17 +287,3 @@ def _heed_failures(score: NDArray[np.float64], situation: Situation) -> None:
 
 def _probability(lattice: FineLattice, situation: Situation) -> NDArray[np.float64]:
     return probability_at(lattice, situation.belief("find-and-outline"))
-
-
-def _likely_tumour_m(
-    lattice: FineLattice, probability: NDArray[np.float64], situation: Situation
-) -> NDArray[np.float64]:
-    """The places where tumour is likely [m], shape (P, 3): by the map, or by labels that can be believed.
-
-    The map smooths away a few labels of tumour among many of none, such as a cone that grazes one returns.
-    """
-    rate = situation.false_positive_rate
-    # Where views may invent lesions, the map weighs them against each other.
-    believed_m = [reading.believed_tumour_m(rate) for reading in situation.readings if reading.weight is None]
-    least = 0.5 if situation.missed_rate == 0.0 else SUSPECTED
-    return np.concatenate([lattice.points_m[probability > least], *believed_m])

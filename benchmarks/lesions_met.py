@@ -1,15 +1,15 @@
 """How many lesions does a search meet that does nothing else? `.venv/bin/python -m benchmarks.lesions_met`.
 
-Generated livers with lesions of the law by which the scenario plants them, many draws to an organ. Three orders of
-poses, none of which outlines anything or looks twice, are held against them by geometry alone: the search of find-
-and-outline, and two greedy covers that know the size of the lesions (balls even in the organ). The table has the
-share of the lesions that some pose can see of which the first k cones hold at least one of forty points, or at least
-a quarter of them. What a planner finds within as many actions can hardly be more, since it also has to outline.
+Lesions of the law by which a scenario plants them, many draws to an organ. Three orders of poses, none of which
+outlines anything or looks twice, are held against them by geometry alone: the search of find-and-outline, and two
+greedy covers that know the size of the lesions (balls even in the organ). The table has the share of the lesions that
+some pose can see of which the first k cones hold at least one of forty points, or at least a quarter of them. What a
+planner finds within as many actions can hardly be more, since it also has to outline.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import tyro
@@ -19,11 +19,11 @@ from tqdm import tqdm
 from mapping import MapSettings
 from planner import visibility
 from planner.find_and_outline.hidden_balls import BallPrior, hidden_balls
+from sim.episode.scenario import GENERATED_LIVER
+from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup, build_setup
 from sim.episode.truth import make_truth
 from sim.tables import markdown_table
-
-from .generated_livers import scenario_of_seed
 
 SEARCHES = {
     "find-and-outline's search": BallPrior(),
@@ -36,20 +36,22 @@ SEARCHES = {
 }
 """The balls that each search goes by, diameters in the names."""
 FADING = 0.03
-CLASSES_MM = {"5-10 mm": (5.0, 10.0), "10-20 mm": (10.0, 20.0)}
+CLASSES_MM = {"5-10 mm": (5.0, 10.0), "10-20 mm": (10.0, 20.0), "above 20 mm": (20.0, np.inf)}
 N_POINTS = 40
 QUARTER = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Which livers, how many draws of lesions in each, and how long the searches are."""
+    """Which organs, how many draws of lesions in each, and how long the searches are."""
 
-    livers: int = 8
+    scenario: str = GENERATED_LIVER
+    organs: int = 8
+    """Number of generated livers; every other organ is one."""
     first: int = 0
-    """Seed of the first liver."""
+    """Seed of the first."""
     draws: int = 40
-    """Number of draws of a liver's lesions."""
+    """Number of draws of an organ's lesions."""
     actions: tuple[int, ...] = (15, 30, 60)
     """Numbers of actions."""
 
@@ -83,15 +85,22 @@ def shares_met(
 def main(options: Options) -> None:
     """Print the table."""
     lesions: list[tuple[float, NDArray[np.float64]]] = []
-    for seed in tqdm(range(options.first, options.first + options.livers), unit="liver"):
-        setup = build_setup(scenario_of_seed(seed), None, MapSettings())
+    scenario = load_scenario(options.scenario)
+    n_organs = options.organs if scenario.has_organ(GENERATED_LIVER) else 1
+    for seed in tqdm(range(options.first, options.first + n_organs), unit="organ"):
+        setup = build_setup(
+            replace(scenario, organ_seed=seed) if n_organs > 1 else scenario, None, MapSettings()
+        )
         orders = [order_of(setup, prior, max(options.actions)) for prior in SEARCHES.values()]
         for draw in range(options.draws):
             lesions += shares_met(setup, orders, np.random.default_rng([seed, draw]))
     at = [number - 1 for number in options.actions]
     rows = []
     for name, (low_mm, high_mm) in CLASSES_MM.items():
-        shares = np.array([share for diameter_mm, share in lesions if low_mm <= diameter_mm < high_mm])
+        some_shares = [share for diameter_mm, share in lesions if low_mm <= diameter_mm < high_mm]
+        if not some_shares:
+            continue
+        shares = np.array(some_shares)
         for number, search in enumerate(SEARCHES):
             some = shares[:, number, at]
             texts = [f"{(share > 0.0).mean():.2f} / {(share >= QUARTER).mean():.2f}" for share in some.T]

@@ -6,9 +6,11 @@ import re
 
 from sim.errors import FieldError
 
-_IGTL = re.compile(r"igtl://(?P<host>[\w.-]+|\[[0-9a-fA-F:]+\])(:(?P<port>\d{1,5}))?/?")
+_ADDRESS = re.compile(r"(?P<kind>\w+)://(?P<host>[\w.-]+|\[[0-9a-fA-F:]+\])(:(?P<port>\d{1,5}))?/?")
 IGTL_PORT = 18944
 """OpenIGTLink's own port."""
+ARM_PORT = 18950
+"""Where a controller of an arm listens unless it says otherwise."""
 
 
 def igtl_address(text: str, field: str) -> tuple[str, int]:
@@ -21,8 +23,25 @@ def igtl_address(text: str, field: str) -> tuple[str, int]:
     Raises:
         FieldError: It is no such address.
     """
-    found = _IGTL.fullmatch(text)
-    port = int(found["port"] or IGTL_PORT) if found else -1
-    if found is None or not 0 <= port <= 65_535:
-        raise FieldError(field, text, "must be an address such as igtl://127.0.0.1:18944.")
+    return _address(text, field, "igtl", IGTL_PORT)
+
+
+def arm_address(text: str, field: str) -> tuple[str, int]:
+    """The host and the port of an arm's controller.
+
+    Args:
+        text: Such as `arm://127.0.0.1:18950`.
+        field: The field that it is the value of, for the error.
+
+    Raises:
+        FieldError: It is no such address.
+    """
+    return _address(text, field, "arm", ARM_PORT)
+
+
+def _address(text: str, field: str, kind: str, usual_port: int) -> tuple[str, int]:
+    found = _ADDRESS.fullmatch(text)
+    port = int(found["port"] or usual_port) if found else -1
+    if found is None or found["kind"] != kind or not 0 <= port <= 65_535:
+        raise FieldError(field, text, f"must be an address such as {kind}://127.0.0.1:{usual_port}.")
     return found["host"].strip("[]"), port

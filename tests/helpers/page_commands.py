@@ -34,6 +34,8 @@ SKIPPED = (
     (r"\bbench --(planner|verify)", "takes minutes, and a planner's file of the page"),
     (r"-m benchmarks\.leaderboard", "writes a page of the clone"),
     (r"\bserve (?!.*--steps)", "serves until it is ended"),
+    (r"\bsounding controller", "serves until it is ended"),
+    (r"--controller arm", "needs a controller beside it; tests/sim/live/arm runs it"),
     (r"--series ", "needs a DICOM series"),
     (r"\.dcm\b", "needs a DICOM SEG"),
     (r"example_09_live_client", "needs a server beside it; tests/sim/live runs it"),

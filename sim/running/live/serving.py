@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from mapping import make_hilbert_map
 from sim.episode.planned.planned_organ import PlannedOrgan, plan_organ
+from sim.live.arm.tcp_controller import TcpController
 from sim.live.igtl.link import IgtlLink, LinkSettings
 from sim.live.igtl.wire import igtl
 from sim.live.patient_frame import PatientFrame
@@ -21,6 +22,8 @@ from sim.live.snapshot import Snapshot
 from sim.running.config import EpisodeConfig
 from sim.running.fields import recorded
 from sim.running.parts import EpisodeParts, make_parts
+
+from .carrying import carrier_of, carry, without_tip
 
 if TYPE_CHECKING:
     from sim.episode.setup import Setup
@@ -43,6 +46,8 @@ class Serving:
     """How many times faster than a real probe the simulated one is; 0 jumps."""
     n_steps: int | None = None
     """Actions after which to end; None for never."""
+    controller: tuple[str, int] | None = None
+    """Host and port of the controller that drives the arm; None where somebody else carries the probe."""
 
 
 def session_of(parts: EpisodeParts, organ: PlannedOrgan, folder: SessionFolder | None = None) -> Session:
@@ -80,7 +85,7 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
     """Serve a session until its steps are done, and return how many actions it holds.
 
     Args:
-        config: What the session plans and maps on; its arm is `none`.
+        config: What the session plans and maps on; its arm is `none` unless a controller drives it.
         serving: How it is served.
         tell: Called with a sentence whenever something happened.
 
@@ -90,9 +95,12 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
     """
     igtl()  # told before the organ is loaded
     parts, stop = make_parts(config), threading.Event()
-    setup = _setup_of(parts) if serving.simulates else None
-    organ = setup or plan_organ(parts.scenario, parts.map_settings)
     with ExitStack() as stack:
+        controller = None
+        if serving.controller is not None:
+            controller = stack.enter_context(TcpController(*serving.controller))
+        setup = _setup_of(parts) if serving.simulates or controller else None
+        organ = setup or plan_organ(parts.scenario, parts.map_settings)
         folder = stack.enter_context(SessionFolder(serving.folder, identity_of(config)))
         session = session_of(parts, organ, folder)
         if session.n_kept:
@@ -105,26 +113,36 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
                 stop.set()
 
         service = Service(session, publish, serving.service)
-        outside: dict[str, Any] = {} if serving.simulates else {"submit": service.submit}
-        frame = PatientFrame(organ.T_world_organ)
-        link = stack.enter_context(
-            IgtlLink(frame, serving.link, refuse=service.refuse, tip=service.tip, **outside)
-        )
+        link = stack.enter_context(_link(service, serving, PatientFrame(organ.T_world_organ)))
         tell(
             f"listening at {serving.link.host}:{link.server.port} (OpenIGTLink), written to {serving.folder}"
         )
+        carrier = None
+        if setup is not None and controller is not None:
+            carrier = carrier_of(parts, setup, controller, simulates=serving.simulates)
+            stack.callback(carry(carrier, service, stop, serving.link.rate_hz))
         stack.callback(stop.set)
-        if setup is not None:
+        if setup is not None and carrier is None:
             _fly(parts, setup, service, stop, serving, n_before=len(session.readings))
         service.run(stop)
+        if carrier is not None and carrier.error is not None:
+            raise carrier.error
         return len(session.sensed)
+
+
+def _link(service: Service, serving: Serving, frame: PatientFrame) -> IgtlLink:
+    """The link of a service, which listens to what nobody else tells."""
+    outside: dict[str, Any] = {}
+    if not serving.simulates:
+        outside = {"submit": service.submit if serving.controller is None else without_tip(service)}
+    return IgtlLink(frame, serving.link, refuse=service.refuse, tip=service.tip, **outside)
 
 
 def _setup_of(parts: EpisodeParts) -> Setup:
     # Imported here, since it needs MuJoCo, which a session does not.
     from sim.episode.setup import build_setup
 
-    return build_setup(parts.scenario, None, parts.map_settings, probe=parts.probe)
+    return build_setup(parts.scenario, parts.arm, parts.map_settings, probe=parts.probe)
 
 
 def _fly(

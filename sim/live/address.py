@@ -9,6 +9,8 @@ from sim.errors import FieldError
 _ADDRESS = re.compile(r"(?P<kind>\w+)://(?P<host>[\w.-]+|\[[0-9a-fA-F:]+\])(:(?P<port>\d{1,5}))?/?")
 IGTL_PORT = 18944
 """OpenIGTLink's own port."""
+ROS_PORT = 9090
+"""The usual port of a rosbridge."""
 ARM_PORT = 18950
 """Where a controller of an arm listens unless it says otherwise."""
 
@@ -37,6 +39,34 @@ def arm_address(text: str, field: str) -> tuple[str, int]:
         FieldError: It is no such address.
     """
     return _address(text, field, "arm", ARM_PORT)
+
+
+def ros_address(text: str, field: str) -> tuple[str, int]:
+    """The host and the port of a rosbridge.
+
+    Args:
+        text: Such as `ws://127.0.0.1:9090`.
+        field: The field that it is the value of, for the error.
+
+    Raises:
+        FieldError: It is no such address.
+    """
+    return _address(text, field, "ws", ROS_PORT)
+
+
+def live_address(text: str, field: str) -> tuple[str, str, int]:
+    """The kind (`igtl` or `ws`), host and port of where a run is shown.
+
+    Args:
+        text: Such as `igtl://127.0.0.1:18944` or `ws://127.0.0.1:9090`.
+        field: The field that it is the value of, for the error.
+
+    Raises:
+        FieldError: It is no such address.
+    """
+    kind = "ws" if text.startswith("ws:") else "igtl"
+    read = ros_address if kind == "ws" else igtl_address
+    return kind, *read(text, field)
 
 
 def _address(text: str, field: str, kind: str, usual_port: int) -> tuple[str, int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sim.cli.terminal import INTERRUPTED, parse
 from sim.errors import FieldError, UsageError
-from sim.live.address import arm_address
+from sim.live.address import arm_address, ros_address
 from sim.record.default_folders import default_folder, file_part
 from sim.running.case import AnatomyConfig, CaseConfig
 from sim.running.config import (
@@ -69,6 +69,9 @@ class Options:
     controller: str | None = None
     """Where the controller of that arm listens, such as arm://127.0.0.1:18950: it is sent timed joint paths, and says
     where the arm really is. docs/arm-controller.md has its messages; `sounding controller` simulates one."""
+    ros: str | None = None
+    """Show and listen on topics of ROS too, by the rosbridge (extra `ros`) at ws://127.0.0.1:9090. docs/ros.md has the
+    topics."""
     simulate: bool = False
     """Let a simulated probe and sensor take the place of the outside, for trying what listens."""
     simulated_speed: float = 1.0
@@ -107,6 +110,8 @@ class Options:
             raise FieldError("steps", self.steps, "must be 1 or more.")
         if self.planning.plan_for == "target":
             raise FieldError("plan_for", "target", "a session maps tumours alone. Leave it out.")
+        if self.ros is not None:
+            ros_address(self.ros, "ros")
         self._check_arm()
 
     def _check_arm(self) -> None:
@@ -144,6 +149,7 @@ def run(options: Options) -> int:
         simulates=options.simulate,
         speed=options.simulated_speed,
         n_steps=options.steps,
+        ros=None if options.ros is None else ros_address(options.ros, "ros"),
         controller=None if options.controller is None else arm_address(options.controller, "controller"),
     )
     try:

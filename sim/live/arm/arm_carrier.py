@@ -20,6 +20,7 @@ from ..service import Service
 from ..snapshot import Snapshot
 from .controller import ArmController
 from .steered_motion import SteeredMotion
+from .timed_path import TimedPath
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class ArmCarrier:
         settings: MotionSettings,
         *,
         sense: Callable[[int], Reading] | None = None,
+        show: Callable[[TimedPath], None] = lambda path: None,
     ) -> None:
         """Stand where the arm is.
 
@@ -44,6 +46,7 @@ class ArmCarrier:
             controller: Drives the arm.
             settings: Speeds, and how long sensing takes.
             sense: Reads the simulated truth for an action by its number; None where readings come from outside.
+            show: Called with each path that the arm is sent.
 
         Raises:
             ControllerError: It is another arm, does not say where it is, or stands where no way leads off.
@@ -52,7 +55,7 @@ class ArmCarrier:
         self._site, self._positioner = setup.scene.tip_site, setup.positioner
         self._stop, self._service = threading.Event(), None
         self._service: Service | None
-        self._motion = SteeredMotion(setup, controller, settings, self._moves_on)
+        self._motion = SteeredMotion(setup, controller, settings, self._moves_on, show)
         self._motion.begin(data)
         self.error: WorldError | None = None
         """Why the arm was given up; None where it was not."""

@@ -37,6 +37,7 @@ class SteeredMotion(PathMotion):
         controller: ArmController,
         settings: MotionSettings,
         watch: Callable[[NDArray[np.float64]], bool] = lambda q: True,
+        show: Callable[[TimedPath], None] = lambda path: None,
     ) -> None:
         """Move the arm of a setup.
 
@@ -45,6 +46,7 @@ class SteeredMotion(PathMotion):
             controller: Drives the arm.
             settings: Speeds.
             watch: Called with the chain's joints while the arm moves; False stops it.
+            show: Called with each path that is sent.
 
         Raises:
             ControllerError: The controller drives another arm, or the setup has none.
@@ -63,7 +65,8 @@ class SteeredMotion(PathMotion):
             positioner, paths, timer, settings, Travel(positioner, None, settings), setup.scene.tip_site
         )
         own = ArmLimits(low=chain.low, high=chain.high, speed=limits_of(setup, positioner, settings).speed)
-        self._controller, self._watch, self._limits = controller, watch, own.within(controller.limits)
+        self._controller, self._limits = controller, own.within(controller.limits)
+        self._watch, self._show = watch, show
 
     @property
     def chain(self) -> Chain:
@@ -99,6 +102,7 @@ class SteeredMotion(PathMotion):
         states, part = [here], whole.begun_at(here.q, farthest=OFF_PATH)
         for _ in range(MOST_STOPS + 1):
             part.check(self._limits)
+            self._show(part)
             states += self._controller.follow(part, lambda state: self._watch(state.q))
             if states[-1].status is not Status.STOPPED or not self._watch(states[-1].q):
                 break

@@ -6,9 +6,12 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from sim.live.arm.messages import trajectory_of
 from sim.live.arm.tcp_controller import TcpController
+from sim.live.arm.timed_path import TimedPath
 from sim.live.errors import RefusedError
 from sim.live.reports import Report, TipMoved
+from sim.live.ros.link import RosLink
 from sim.live.service import Service
 from sim.running.parts import EpisodeParts
 
@@ -18,7 +21,12 @@ if TYPE_CHECKING:
 
 
 def carrier_of(
-    parts: EpisodeParts, setup: Setup, controller: TcpController, *, simulates: bool
+    parts: EpisodeParts,
+    setup: Setup,
+    controller: TcpController,
+    *,
+    simulates: bool,
+    ros: RosLink | None = None,
 ) -> ArmCarrier:
     """Who carries the probe of a setup, standing where the arm is.
 
@@ -27,6 +35,7 @@ def carrier_of(
         setup: The setup with the arm.
         controller: Drives it.
         simulates: Whether a simulated sensor reads at the arm's true tip.
+        ros: Shows the paths that the arm is sent.
 
     Raises:
         WorldError: The arm is another, or no way leads off from where it stands.
@@ -35,10 +44,14 @@ def carrier_of(
     from sim.live.arm.arm_carrier import ArmCarrier
     from sim.live.simulated_probe import SimulatedProbe
 
+    def show(path: TimedPath) -> None:
+        if ros is not None:
+            ros.publish_path(trajectory_of(path))
+
     if not simulates:
-        return ArmCarrier(setup, setup.scene.new_data(), controller, parts.motion_settings)
+        return ArmCarrier(setup, setup.scene.new_data(), controller, parts.motion_settings, show=show)
     probe = SimulatedProbe(setup, parts.sensor, seed=parts.seed)
-    return ArmCarrier(setup, probe.data, controller, parts.motion_settings, sense=probe.sense_here)
+    return ArmCarrier(setup, probe.data, controller, parts.motion_settings, sense=probe.sense_here, show=show)
 
 
 def without_tip(service: Service) -> Callable[[Report], None]:

@@ -15,6 +15,8 @@ from sim.live.arm.tcp_controller import TcpController
 from sim.live.igtl.link import IgtlLink, LinkSettings
 from sim.live.igtl.wire import igtl
 from sim.live.patient_frame import PatientFrame
+from sim.live.reports import Report
+from sim.live.ros.link import RosLink
 from sim.live.service import Service, ServiceSettings
 from sim.live.session import Session
 from sim.live.session_folder import SessionFolder
@@ -46,6 +48,8 @@ class Serving:
     """How many times faster than a real probe the simulated one is; 0 jumps."""
     n_steps: int | None = None
     """Actions after which to end; None for never."""
+    ros: tuple[str, int] | None = None
+    """Host and port of a rosbridge that shows and reports too; None for none."""
     controller: tuple[str, int] | None = None
     """Host and port of the controller that drives the arm; None where somebody else carries the probe."""
 
@@ -107,19 +111,22 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
             tell(f"going on after {len(session.sensed)} actions in {serving.folder}")
 
         def publish(snapshot: Snapshot) -> None:
-            link.publish(snapshot)
+            for each in links:
+                each.publish(snapshot)
             tell(_line(snapshot))
             if serving.n_steps is not None and snapshot.n_sensed >= serving.n_steps:
                 stop.set()
 
         service = Service(session, publish, serving.service)
         link = stack.enter_context(_link(service, serving, PatientFrame(organ.T_world_organ)))
+        ros = None if serving.ros is None else stack.enter_context(_ros_link(service, serving))
+        links = [link] if ros is None else [link, ros]
         tell(
             f"listening at {serving.link.host}:{link.server.port} (OpenIGTLink), written to {serving.folder}"
         )
         carrier = None
         if setup is not None and controller is not None:
-            carrier = carrier_of(parts, setup, controller, simulates=serving.simulates)
+            carrier = carrier_of(parts, setup, controller, simulates=serving.simulates, ros=ros)
             stack.callback(carry(carrier, service, stop, serving.link.rate_hz))
         stack.callback(stop.set)
         if setup is not None and carrier is None:
@@ -132,10 +139,29 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
 
 def _link(service: Service, serving: Serving, frame: PatientFrame) -> IgtlLink:
     """The link of a service, which listens to what nobody else tells."""
-    outside: dict[str, Any] = {}
-    if not serving.simulates:
-        outside = {"submit": service.submit if serving.controller is None else without_tip(service)}
+    submit = _submit_of(service, serving)
+    outside: dict[str, Any] = {} if submit is None else {"submit": submit}
     return IgtlLink(frame, serving.link, refuse=service.refuse, tip=service.tip, **outside)
+
+
+def _ros_link(service: Service, serving: Serving) -> RosLink:
+    assert serving.ros is not None
+    host, port = serving.ros
+    return RosLink(
+        host,
+        port,
+        rate_hz=serving.link.rate_hz,
+        submit=_submit_of(service, serving),
+        refuse=service.refuse,
+        tip=service.tip,
+    )
+
+
+def _submit_of(service: Service, serving: Serving) -> Callable[[Report], None] | None:
+    """What takes reports of the outside; None where all is simulated."""
+    if serving.simulates:
+        return None
+    return service.submit if serving.controller is None else without_tip(service)
 
 
 def _setup_of(parts: EpisodeParts) -> Setup:

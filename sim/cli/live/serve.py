@@ -42,7 +42,7 @@ class Options:
 
     The outside says where the probe's tip is (TRANSFORM Tip) and what was sensed there (IMAGE Labels, or POINT Points),
     and gets the next pose, the map and what was decided. docs/live.md has the table of messages. All that is sensed is
-    on the disk before it counts: the same command with the same `out` goes on where the last one ended, even killed.
+    on the disk before what follows is told: the same command with the same `out` goes on, even after a kill.
     """
 
     scenario: str = "liver"

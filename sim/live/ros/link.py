@@ -114,7 +114,7 @@ class RosLink(Closeable):
         }
         self._latest: dict[str, Message] = {}
         self._snapshot: Snapshot | None = None
-        self._is_closed, self._was_connected = threading.Event(), True
+        self._is_closed, self._was_connected, self._lock = threading.Event(), True, threading.Lock()
         if submit is not None:
             self._topics[REPORTED_TIP].subscribe(lambda message: self._hear(tip_of, message))
             self._topics[REPORTED_POINTS].subscribe(lambda message: self._hear(points_of, message))
@@ -123,11 +123,20 @@ class RosLink(Closeable):
 
     def publish(self, snapshot: Snapshot) -> None:
         """Show a snapshot."""
-        self._snapshot, now_s = snapshot, time()
-        self._show_poses(snapshot)
+        now_s = time()
+        with self._lock:
+            self._snapshot = snapshot
+            self._show_poses(snapshot)
         if (cloud := cloud_of(snapshot, now_s)) is not None:
             self._send(MAP, cloud)
         self._send(SURFACES, markers_of(snapshot, now_s))
+
+    def publish_pose(self, T_world_probe: NDArray[np.float64]) -> None:
+        """Show the pose that is proposed, ahead of the snapshot that tells all of it."""
+        with self._lock:
+            if self._snapshot is not None:
+                self._snapshot = self._snapshot.proposing(T_world_probe)
+            self._send(PROPOSED, pose_stamped(T_world_probe, time()))
 
     def publish_path(self, trajectory: Message) -> None:
         """Show a path that an arm is sent, by its names and points."""
@@ -155,11 +164,13 @@ class RosLink(Closeable):
                 for topic, message in list(self._latest.items()):
                     self._send(topic, message)
             self._was_connected = is_connected
-            if (snapshot := self._snapshot) is not None:
-                T_world_tip = self._tip()
-                self._show_poses(
-                    snapshot if T_world_tip is None else replace(snapshot, T_world_tip=T_world_tip)
-                )
+            # No pose of before is sent after a new one.
+            with self._lock:
+                snapshot, T_world_tip = self._snapshot, self._tip()
+                if snapshot is not None and T_world_tip is not None:
+                    snapshot = replace(snapshot, T_world_tip=T_world_tip)
+                if snapshot is not None:
+                    self._show_poses(snapshot)
 
     def _show_poses(self, snapshot: Snapshot) -> None:
         now_s = time()

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mapping import make_hilbert_map
 from sim.episode.planned.planned_organ import PlannedOrgan, plan_organ
 from sim.live.arm.tcp_controller import TcpController
@@ -52,6 +55,27 @@ class Serving:
     """Host and port of a rosbridge that shows and reports too; None for none."""
     controller: tuple[str, int] | None = None
     """Host and port of the controller that drives the arm; None where somebody else carries the probe."""
+
+
+class _Shown:
+    """Whoever is shown what a service publishes."""
+
+    def __init__(self, tell: Callable[[str], None], stop: threading.Event, n_steps: int | None) -> None:
+        self.links: list[IgtlLink | RosLink] = []
+        self._tell, self._stop, self._n_steps = tell, stop, n_steps
+
+    def publish(self, snapshot: Snapshot) -> None:
+        """Show a snapshot to all, and end after the last action."""
+        for link in self.links:
+            link.publish(snapshot)
+        self._tell(_line(snapshot))
+        if self._n_steps is not None and snapshot.n_sensed >= self._n_steps:
+            self._stop.set()
+
+    def publish_pose(self, T_world_probe: NDArray[np.float64]) -> None:
+        """Show a pose as soon as it is known."""
+        for link in self.links:
+            link.publish_pose(T_world_probe)
 
 
 def session_of(parts: EpisodeParts, organ: PlannedOrgan, folder: SessionFolder | None = None) -> Session:
@@ -110,17 +134,11 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
         if session.n_kept:
             tell(f"going on after {len(session.sensed)} actions in {serving.folder}")
 
-        def publish(snapshot: Snapshot) -> None:
-            for each in links:
-                each.publish(snapshot)
-            tell(_line(snapshot))
-            if serving.n_steps is not None and snapshot.n_sensed >= serving.n_steps:
-                stop.set()
-
-        service = Service(session, publish, serving.service)
+        shown = _Shown(tell, stop, serving.n_steps)
+        service = Service(session, shown.publish, serving.service, publish_pose=shown.publish_pose)
         link = stack.enter_context(_link(service, serving, PatientFrame(organ.T_world_organ)))
         ros = None if serving.ros is None else stack.enter_context(_ros_link(service, serving))
-        links = [link] if ros is None else [link, ros]
+        shown.links += [link] if ros is None else [link, ros]
         tell(
             f"listening at {serving.link.host}:{link.server.port} (OpenIGTLink), written to {serving.folder}"
         )

@@ -69,26 +69,29 @@ class ArmCarrier:
             rate_hz: How often the tip's pose is reported while the arm stands [Hz].
         """
         self._service, self._stop = service, stop
-        seen: Snapshot | None = None
+        done: tuple[int, int | None] | None = None
         try:
             while not stop.wait(1.0 / rate_hz):
                 newest = service.published
-                if newest is None or newest is seen:
+                # A reading that was refused leads to a snapshot too, and to no way.
+                wanted = None if newest is None else _wanted(newest)
+                if newest is None or wanted == done:
                     self._tell(self._tip())
                     continue
-                seen = newest
+                done = wanted
                 self._answer(newest, service)
         except WorldError as error:
             if not stop.is_set():
                 self.error = error
+        finally:
             stop.set()
 
     def _answer(self, seen: Snapshot, service: Service) -> None:
         """Go to the pose of a snapshot, and sense there where that is simulated."""
-        proposal = seen.proposal
-        if proposal is None or proposal.pose_index is None or proposal.advice != "sense":
+        pose = _wanted(seen)[1]
+        if pose is None:
             return
-        pose, answer = proposal.pose_index, self._positioner.reach(proposal.pose_index)
+        answer = self._positioner.reach(pose)
         reason = answer.explain()
         if answer.is_reached:
             reason = self._motion.move(self._data, pose).reason
@@ -99,6 +102,10 @@ class ArmCarrier:
         if self._sense is not None and not self._stop.wait(self._settings.sensing_s):
             reading = self._sense(seen.n_sensed)
             now_s = self._tell(self._tip())
+            if not len(reading.points_m):
+                reason = "The sensor saw nothing of the organ there."
+                service.submit(PoseDeclined(pose_index=pose, reason=reason, stamp_s=now_s))
+                return
             service.submit(
                 PointsSensed(points_m=reading.points_m, is_occupied=reading.is_occupied, stamp_s=now_s)
             )
@@ -123,3 +130,11 @@ class ArmCarrier:
         if self._service is not None:
             self._service.submit(TipMoved(T_world_probe=T_world_probe, stamp_s=now_s))
         return now_s
+
+
+def _wanted(seen: Snapshot) -> tuple[int, int | None]:
+    """Which action a snapshot proposes, and from which pose; None where it advises to end."""
+    proposal = seen.proposal
+    if proposal is None or proposal.advice != "sense":
+        return seen.n_sensed, None
+    return seen.n_sensed, proposal.pose_index

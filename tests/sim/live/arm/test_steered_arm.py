@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from arm_process import ArmProcess
 
+from sim.episode.moving.motion import ProcedureStoppedError
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import build_setup
 from sim.errors import FieldError, UsageError
@@ -109,6 +110,30 @@ def test_another_arm_is_not_driven(setup, bad_line) -> None:
         controller.names = ("shoulder", "elbow")
         with pytest.raises(ControllerError, match="drives the joints shoulder, elbow"):
             SteeredMotion(setup, controller, MotionSettings())
+
+
+def test_an_arm_that_is_told_to_stop_rests_on_its_way_and_goes_on_later(setup, bad_line) -> None:
+    data, pose, seen = setup.scene.new_data(), reached_pose(setup), []
+
+    def watch(q):
+        seen.append(q)
+        return len(seen) < 40
+
+    with TcpController("127.0.0.1", bad_line.port) as controller:
+        steered = SteeredMotion(setup, controller, MotionSettings(), watch)
+        steered.begin(data)
+        with pytest.raises(ProcedureStoppedError, match=r"stopped.*told to stop") as caught:
+            steered.move(data, pose)
+        rested = controller.state()
+        assert rested.status is Status.STOPPED
+        assert (rested.speed == 0.0).all()
+        # What it did until then is kept, and the state of the scene is where it rests.
+        assert len(caught.value.motion.time_s) >= 30
+        np.testing.assert_array_equal(data.qpos[setup.positioner.search.chain.columns], rested.q)
+        again = SteeredMotion(setup, controller, MotionSettings())
+        again.begin(data)
+        assert again.move(data, pose).is_done
+    assert bad_line.record()["longest_unheard_s"] <= 0.1
 
 
 class CutLine:

@@ -45,6 +45,8 @@ EXTRAS = {
     "gym": Extra("gymnasium", "gymnasium", "the environments for learning (`sim.gym`)"),
     "hdf5": Extra("h5py", "h5py", "datasets in HDF5 (`sounding dataset --format hdf5`)"),
     "igtl": Extra("pyigtl", "pyigtl", "OpenIGTLink, as 3D Slicer speaks it (`sounding serve`)"),
+    "ros": Extra("roslibpy", "roslibpy", "ROS by a rosbridge (`sounding serve`)"),
+    "mcap": Extra("mcap-ros2-support", "mcap_ros2", "recordings for Foxglove (`sounding view`)"),
     "dicom": Extra("highdicom", "highdicom", "DICOM: a SEG as an organ, maps as SEG (`sounding export`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"

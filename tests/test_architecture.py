@@ -68,6 +68,8 @@ WITHIN = {
     "sim.episode.planned": "sim.episode",
     "sim.episode.moving": "sim.episode",
     "sim.live.igtl": "sim.live",
+    "sim.live.arm": "sim.live",
+    "sim.live.ros": "sim.live",
     "sim.episode.sweeping": "sim.episode",
     "sim.running.placing": "sim.running",
     "sim.running.live": "sim.running",

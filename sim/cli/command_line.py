@@ -26,6 +26,7 @@ COMMANDS = {
     "bench": "studies.bench",
     "compare": "compare",
     "serve": "live.serve",
+    "controller": "live.controller",
     "reach": "reach",
     "ik": "ik",
     "image": "sensing.image",

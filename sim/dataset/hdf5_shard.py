@@ -12,8 +12,11 @@ from sim.world.optional import optional_module
 
 from .record import STEP_FIELDS, EpisodeRecord
 
-RAGGED = ("points_m", "is_occupied", "is_tumour", "belief", "image")
+RAGGED = ("points_m", "is_occupied", "is_tumour", "belief", "image", "image_mask", "T_world_image")
 """Fields whose rows differ in length: they stand one after the other, and `<name>_length` tells their lengths."""
+
+PICTURES = ("image", "image_mask")
+"""Fields whose rows are files."""
 
 
 def h5py() -> ModuleType:
@@ -71,7 +74,7 @@ class Hdf5Shard:
             steps.create_dataset(name, data=np.array(values))
             return
         arrays = [
-            np.frombuffer(each or b"", dtype=np.uint8) if name == "image" else np.asarray(each)
+            np.frombuffer(each or b"", dtype=np.uint8) if name in PICTURES else np.asarray(each)
             for each in values
         ]
         flat = np.concatenate(arrays) if arrays else np.empty(0)

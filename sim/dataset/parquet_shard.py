@@ -18,6 +18,7 @@ _LISTS = {
     "points_m": "float",
     "T_world_probe": "double",
     "joints": "double",
+    "T_world_image": "double",
     "is_occupied": "bool_",
     "is_tumour": "bool_",
 }
@@ -102,7 +103,7 @@ class ParquetShard:
         fields = [(name, getattr(pa, kind)()) for name, kind in _NUMBERS.items()]
         kinds = {"float": pa.float32(), "double": pa.float64(), "bool_": pa.bool_()}
         fields += [(name, pa.list_(kinds[kind])) for name, kind in _LISTS.items()]
-        return pa.schema([*fields, ("belief", pa.binary()), ("image", pa.binary())])
+        return pa.schema([*fields, *((name, pa.binary()) for name in ("belief", "image", "image_mask"))])
 
 
 def _plain(name: str, value: Any) -> Any:

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from sim.episode.episode import Episode
 from sim.episode.step import Step
 from sim.running.parts import EpisodeParts
+from sim.world.sensing.sweep import Sweep
+
+from .pictures import mask_of_picture, place_of_picture
 
 PER_CENT = 100
 """A probability is kept as whole per cent."""
@@ -35,6 +38,8 @@ STEP_FIELDS = {
     "is_tumour": "whether each lies in a tumour in truth",
     "belief": "probability of tumour after the action at the points of the lattice in the organ [%]",
     "image": "the middle picture of a sweep, a PNG; null without pictures",
+    "image_mask": "which of its pixels are tumour in truth (255), a PNG; null too where the organ lies not as planned",
+    "T_world_image": "maps its (column, row, 0) to the world, row by row, 4 x 4 [m]; empty without pictures",
 }
 """What is told of each action."""
 EPISODE_FIELDS = {
@@ -116,7 +121,20 @@ def _row(
         "is_occupied": reading.is_occupied,
         "is_tumour": _truth(episode, reading.points_m) if has_truth else np.empty(0, dtype=bool),
         "belief": np.rint(belief).astype(np.uint8),
-        "image": None if reading.images is None else png_of(reading.images.images[reading.images.middle]),
+    } | _picture(episode, reading.images, png_of)
+
+
+def _picture(
+    episode: Episode, sweep: Sweep | None, png_of: Callable[[NDArray[np.uint8]], bytes]
+) -> dict[str, Any]:
+    """What is kept of a sweep's pictures."""
+    if sweep is None:
+        return {"image": None, "image_mask": None, "T_world_image": np.empty(0)}
+    is_planned = episode.body is None
+    return {
+        "image": png_of(sweep.images[sweep.middle]),
+        "image_mask": png_of(mask_of_picture(sweep, episode.truth.anatomy)) if is_planned else None,
+        "T_world_image": place_of_picture(sweep).ravel(),
     }
 
 

@@ -16,6 +16,10 @@ FREE, TUMOUR = 1, 2
 """Labels of an image: what was seen and holds no tumour, and tumour; 0 was not seen."""
 RIGID = 1e-3
 """Largest entry of R^T R - I of a pose that came in single precision."""
+MOST_POINTS = 1000
+"""Points of an image or of a message of points that the map learns from, as many as a reading of the cone has."""
+MOST_LISTED = 20_000
+"""Points that a message of points may list."""
 FARTHEST_M = 2.0
 """A tip or a point farther from the organ than this is in another frame or unit [m]."""
 

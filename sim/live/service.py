@@ -49,6 +49,7 @@ class Service:
         publish: Callable[[Snapshot], None],
         settings: ServiceSettings | None = None,
         *,
+        publish_pose: Callable[[NDArray[np.float64]], None] = lambda T: None,
         clock: Callable[[], float] = time,
     ) -> None:
         """Serve a session, which nobody else may use from now on.
@@ -57,10 +58,12 @@ class Service:
             session: The session.
             publish: Called with each new snapshot, from the service's thread.
             settings: What counts as old.
+            publish_pose: Called with the pose that is proposed, before the snapshot that tells all of it.
             clock: Seconds since 1970.
         """
         self.session = session
         self._publish, self._settings, self._clock = publish, settings or ServiceSettings(), clock
+        self._publish_pose = publish_pose
         self._waiting: queue.Queue[tuple[Report, NDArray[np.float64] | None]] = queue.Queue(MOST_WAITING)
         self._lock = threading.Lock()
         self.published: Snapshot | None = None
@@ -124,7 +127,7 @@ class Service:
         return Snapshot(
             n_sensed=len(session.sensed),
             T_world_tip=self.tip(),
-            proposal=session.propose(),
+            proposal=session.propose(self._publish_pose),
             query=session.organ.query,
             probability=session.organ.on_lattice(session.prediction.probability, outside=0.0),
             organ=session.organ.organ,

@@ -10,6 +10,8 @@ It plans and maps as `Episode` does, so that the readings of an episode with a f
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from time import perf_counter
 
@@ -79,7 +81,7 @@ class Session:
             until_confident: Confidence of the planner at which it is advised to end; None for never.
             miss_cost: How many actions a missed lesion is worth; it is advised to end where more are not worth it.
             speeds: How fast the tip moves, for planners that weigh the way, and how long sensing takes.
-            folder: Keeps every event before it counts; None keeps nothing.
+            folder: Keeps every event before anything that follows from it is told; None keeps nothing.
 
         Raises:
             UsageError: The folder cannot be read.
@@ -100,12 +102,19 @@ class Session:
             self._repeat(event)
 
     @one_blas_thread()
-    def propose(self) -> Proposal:
-        """Where to sense next; the same answer until something is observed or declined."""
+    def propose(self, tell_pose: Callable[[NDArray[np.float64]], None] = lambda T: None) -> Proposal:
+        """Where to sense next; the same answer until something is observed or declined.
+
+        Args:
+            tell_pose: Called with the tip's pose, shape (4, 4) [m], as soon as it is known, since how sure the planner
+                is takes as long again. Not called where the answer is known or no pose is left.
+        """
         if self._proposal is None:
             start_s = perf_counter()
             situation = self.situation()
             pose = next(iter(self.planner.rank(situation)), None)
+            if pose is not None:
+                tell_pose(self.pose_matrix(pose))
             confidence = self.planner.confidence(situation) if self.planner.tells_confidence else None
             self._proposal = Proposal(
                 number=len(self.sensed) + 1,
@@ -130,6 +139,7 @@ class Session:
 
         Raises:
             RefusedError: There is no point, a value is not finite, or the tip is not at the organ; nothing has changed.
+            OSError: It was learnt and could not be kept. Make a new session from the folder.
         """
         pose = self._pose_of(reading)
         self._keep(Event.of_reading(len(self.sensed) + len(self.declined) + 1, pose, reading, self._rng))
@@ -192,10 +202,9 @@ class Session:
         return "sense"
 
     def _keep(self, event: Event) -> None:
-        """Keep an event on disk, and only then learn from it."""
-        if self._folder is not None:
-            self._folder.append(event)
-        self._take(event)
+        """Keep an event on disk, and learn from it meanwhile; both are done when this returns."""
+        with nullcontext() if self._folder is None else self._folder.appending(event):
+            self._take(event)
         self.n_kept += 1
         if self._folder is not None:
             self._folder.write_map(self.organ, self.prediction)

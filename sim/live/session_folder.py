@@ -1,4 +1,4 @@
-"""The folder of a session: each event is a file that is on the disk before it counts, so that a kill loses nothing."""
+"""The folder of a session: an event is a file on the disk before what follows from it is told. A kill loses nothing."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import json
 import os
 import zipfile
 from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +71,20 @@ class SessionFolder(LockedFolder):
                 f"{self.path}: holds a session that began with other values of {', '.join(changed)}. Give the same "
                 "options to go on with it, or choose another `out`."
             )
+
+    @contextmanager
+    def appending(self, event: Event) -> Iterator[None]:
+        """A context during which an event is written; when it is left the event is on the disk.
+
+        To wait for a disk takes some ten milliseconds, in which another core can learn from the event.
+
+        Raises:
+            OSError: It could not be written; what was done in the context was done.
+        """
+        with ThreadPoolExecutor(max_workers=1) as pool:
+            written = pool.submit(self.append, event)
+            yield
+        written.result()
 
     def append(self, event: Event) -> None:
         """Write an event; when this returns it is on the disk."""

@@ -25,13 +25,13 @@ LIFT_M = 0.03
 
 
 class SimulatedProbe:
-    """A free-flying probe in the scene of a seed's truth."""
+    """A probe in the scene of a seed's truth, which flies where it is sent unless somebody carries it."""
 
     def __init__(self, setup: Setup, sensor: Sensor, *, seed: int) -> None:
         """Plant the tumours of a seed.
 
         Args:
-            setup: A setup without an arm.
+            setup: The setup; one with an arm is carried by somebody else, who changes `data`.
             sensor: Makes the readings.
             seed: Seed of truth and sensor, as in an episode.
 
@@ -41,13 +41,18 @@ class SimulatedProbe:
         streams = np.random.default_rng(seed).spawn(SENSOR_STREAM + 1)
         self.truth = make_truth(setup, streams[TRUTH_STREAM])
         self._setup, self._sensor, self._rng = setup, sensor, streams[SENSOR_STREAM]
-        self._data = self.truth.scene.new_data()
-        self._state = SceneState(self.truth.scene, self._data)
+        self.data = self.truth.scene.new_data()
+        """The state of the scene, which whoever carries the probe may change."""
+        self._state, self._seed = SceneState(self.truth.scene, self.data), seed
 
     def sense(self, T_world_probe: NDArray[np.float64]) -> Reading:
         """What the sensor reads with the tip at a pose, shape (4, 4) [m]."""
-        self._setup.positioner.shift(self._data, T_world_probe)
+        self._setup.positioner.shift(self.data, T_world_probe)
         return self._sensor.sense(self._state, self._rng)
+
+    def sense_here(self, action: int) -> Reading:
+        """What the sensor reads where the tip of `data` is; its stream is that of the action, whatever came before."""
+        return self._sensor.sense(self._state, np.random.default_rng((self._seed, SENSOR_STREAM, action)))
 
     def serve(
         self,

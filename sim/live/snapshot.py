@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,3 +33,9 @@ class Snapshot:
     """How many messages were refused, by reason."""
     note: str = ""
     """What was last refused, as a sentence."""
+
+    def proposing(self, T_world_probe: NDArray[np.float64]) -> Snapshot:
+        """The same with another pose proposed, shape (4, 4) [m], of which no more is known yet."""
+        if self.proposal is None:
+            return self
+        return replace(self, proposal=replace(self.proposal, T_world_probe=T_world_probe))

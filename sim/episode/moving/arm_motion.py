@@ -52,6 +52,23 @@ def make_motion_model(
     return motion_model
 
 
+def paths_of(
+    setup: Setup, positioner: ArmPositioner, settings: MotionSettings
+) -> tuple[PathSearch, PathTimer]:
+    """What finds paths of a setup's arm, and what times them within its limits."""
+    assert setup.arm is not None
+    search = positioner.search
+    paths = PathSearch(search, PathCheck(setup.scene, search.chain, search.meter, search.clearance))
+    return paths, PathTimer(search.chain, limits_of(setup, positioner, settings))
+
+
+def limits_of(setup: Setup, positioner: ArmPositioner, settings: MotionSettings) -> JointLimits:
+    """How fast the joints between base and flange may be."""
+    assert setup.arm is not None
+    chain = positioner.search.chain
+    return JointLimits.of_arm(setup.arm.path, chain.is_slide, settings, names=chain.names)
+
+
 def _of_arm(
     setup: Setup, positioner: ArmPositioner, kind: MotionKind, settings: MotionSettings, servo: ServoSettings
 ) -> MotionModel:
@@ -65,8 +82,7 @@ def _of_arm(
     limits = JointLimits.of_arm(path, is_slide, settings, names=names, hinges=hinges)
     if kind == "none":
         return JumpMotion(positioner, setup.scene.tip_site, limits, settings)
-    paths = PathSearch(search, PathCheck(setup.scene, chain, search.meter, search.clearance))
-    timer = PathTimer(chain, JointLimits.of_arm(path, chain.is_slide, settings, names=chain.names))
+    paths, timer = paths_of(setup, positioner, settings)
     travel, tip_site = Travel(positioner, limits, settings), setup.scene.tip_site
     if kind == "kinematic":
         return PathMotion(positioner, paths, timer, settings, travel, tip_site)

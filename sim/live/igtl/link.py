@@ -16,7 +16,7 @@ from ..errors import RefusedError
 from ..patient_frame import PatientFrame
 from ..reports import Report
 from ..snapshot import Snapshot
-from .messages import messages_of, pose_messages, report_of
+from .messages import PROPOSED, messages_of, pose_messages, report_of, transform_message
 from .server import LOOPBACK, IgtlServer
 from .wire import RawMessage, WireSettings, igtl
 
@@ -73,7 +73,7 @@ class IgtlLink(Closeable):
         self._frame, self._settings = frame, settings or LinkSettings()
         self._submit, self._tip = submit, tip
         self._snapshot: Snapshot | None = None
-        self._is_closed = threading.Event()
+        self._is_closed, self._lock = threading.Event(), threading.Lock()
         self.server = IgtlServer(
             self._hear,
             refuse,
@@ -86,9 +86,17 @@ class IgtlLink(Closeable):
 
     def publish(self, snapshot: Snapshot) -> None:
         """Show a snapshot to all clients, those who come later too."""
-        is_first, self._snapshot = self._snapshot is None, snapshot
+        with self._lock:
+            is_first, self._snapshot = self._snapshot is None, snapshot
         for device, message in messages_of(snapshot, self._frame, with_organ=is_first):
             self.server.publish(device, message)
+
+    def publish_pose(self, T_world_probe: NDArray[np.float64]) -> None:
+        """Show the pose that is proposed, ahead of the snapshot that tells all of it."""
+        with self._lock:
+            if self._snapshot is not None:
+                self._snapshot = self._snapshot.proposing(T_world_probe)
+            self.server.publish(PROPOSED, transform_message(PROPOSED, T_world_probe, self._frame))
 
     def close(self) -> None:
         """Leave all clients."""
@@ -101,8 +109,10 @@ class IgtlLink(Closeable):
 
     def _tick(self) -> None:
         while not self._is_closed.wait(1.0 / self._settings.rate_hz):
-            snapshot, T_world_tip = self._snapshot, self._tip()
-            if snapshot is not None and T_world_tip is not None:
-                snapshot = replace(snapshot, T_world_tip=T_world_tip)
-            for device, message in () if snapshot is None else pose_messages(snapshot, self._frame):
-                self.server.publish(device, message)
+            # No pose of before is sent after a new one.
+            with self._lock:
+                snapshot, T_world_tip = self._snapshot, self._tip()
+                if snapshot is not None and T_world_tip is not None:
+                    snapshot = replace(snapshot, T_world_tip=T_world_tip)
+                for device, message in () if snapshot is None else pose_messages(snapshot, self._frame):
+                    self.server.publish(device, message)

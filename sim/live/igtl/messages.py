@@ -16,7 +16,16 @@ from mapping import Lattice
 from ..errors import RefusedError
 from ..mapped_tumour import tumour_surface
 from ..patient_frame import PatientFrame
-from ..reports import PointsSensed, PoseDeclined, Report, TipMoved, points_of_image, thinned
+from ..reports import (
+    MOST_LISTED,
+    MOST_POINTS,
+    PointsSensed,
+    PoseDeclined,
+    Report,
+    TipMoved,
+    points_of_image,
+    thinned,
+)
 from ..snapshot import Snapshot
 from .wire import RawMessage, igtl
 
@@ -31,10 +40,8 @@ SENSED_TIP, PROPOSED, MAP, ORGAN, TUMOUR = (
 )
 STATUS, DECISION = "SoundingStatus", "SoundingDecision"
 """Devices that are sent."""
-MOST_POINTS = 1000
-"""Points of an image or of a message of points that the map learns from, as many as a reading of the cone has."""
-MOST_LISTED, POINT_BYTES = 20_000, 136
-"""Points that a message of points may list, and the bytes of one."""
+POINT_BYTES = 136
+"""Bytes of a point in a message of points."""
 STATUS_OK = 1
 """Code of a STATUS message that says that all is well."""
 MAP_SCALE = 100

@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from sim.live.address import igtl_address
+from sim.live.address import live_address
 
 if TYPE_CHECKING:
     from sim.episode.episode import Episode
     from sim.episode.step import Step
+    from sim.live.igtl.link import IgtlLink
+    from sim.live.ros.link import RosLink
     from sim.live.snapshot import Snapshot
 
 
@@ -20,7 +22,8 @@ def shown(episode: Episode, address: str | None) -> Iterator[Callable[[Step], No
 
     Args:
         episode: The episode.
-        address: Where clients come to, such as `igtl://127.0.0.1:18944`; None shows it to nobody.
+        address: Where clients come to, such as `igtl://127.0.0.1:18944`, or a rosbridge is, such as
+            `ws://127.0.0.1:9090`; None shows it to nobody.
 
     Raises:
         MissingPackageError, UsageError: The address cannot be listened at.
@@ -28,15 +31,21 @@ def shown(episode: Episode, address: str | None) -> Iterator[Callable[[Step], No
     if address is None:
         yield lambda step: None
         return
+    with _link(episode, address) as link:
+        link.publish(_snapshot(episode, None))
+        yield lambda step: link.publish(_snapshot(episode, step))
+
+
+def _link(episode: Episode, address: str) -> IgtlLink | RosLink:
     # Imported here, since hardly any run is shown.
     from sim.live.igtl.link import IgtlLink, LinkSettings
     from sim.live.patient_frame import PatientFrame
+    from sim.live.ros.link import RosLink
 
-    host, port = igtl_address(address, "live")
-    frame = PatientFrame(episode.setup.T_world_organ)
-    with IgtlLink(frame, LinkSettings(host=host, port=port)) as link:
-        link.publish(_snapshot(episode, None))
-        yield lambda step: link.publish(_snapshot(episode, step))
+    kind, host, port = live_address(address, "live")
+    if kind == "ws":
+        return RosLink(host, port)
+    return IgtlLink(PatientFrame(episode.setup.T_world_organ), LinkSettings(host=host, port=port))
 
 
 def _snapshot(episode: Episode, step: Step | None) -> Snapshot:

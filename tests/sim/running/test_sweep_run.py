@@ -91,7 +91,9 @@ def test_a_recording_is_as_long_as_the_procedure(run, episode) -> None:
     [
         (["--read-every-mm", "1"], "--read-every-mm 1.0: at 40 mm/s that is 40 readings a second"),
         (["--sweep-speed-mm-s", "900"], "must be from 1 to 250"),
-        (["--arm", "default", "--motion", "servo"], "a sweep is not moved by servos yet"),
+        (["--arm", "default", "--motion", "servo"], "holds a force in a sweep. Name it (--press-n)"),
+        (["--arm", "default", "--motion", "servo", "--press-n", "9"], "must be above 0 and below the 5 N"),
+        (["--press-n", "2"], "--press-n 2.0"),
         (["--registration-mm", "5"], "takes the organ to be rigid"),
         (["--sensor", "ultrasound"], "tilts the probe for each reading"),
     ],

@@ -16,7 +16,7 @@ from mapping.storage import replacing
 from sim.closeable import Closeable
 from sim.episode.episode import Episode
 from sim.episode.step import Step
-from sim.episode.sweeping.contact_trace import trace_of
+from sim.episode.sweeping.contact_trace import traces_of
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.camera.rendering import Overlay, SceneRenderer, averaged
 from sim.world.sensing.sweep import Sweep
@@ -110,7 +110,7 @@ class EpisodeFrames(Closeable):
             cells_m=cells_m,
             cell_size_m=self._cell_size_m,
             path_m=steps[-1].motion.tips_m,
-            trace_m=np.concatenate([trace_of(step.motion).pieces_m for step in steps]),
+            trace_m=np.concatenate([each.pieces_m for each in traces_of([step.motion for step in steps])]),
         )
 
     def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:

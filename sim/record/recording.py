@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from planner import Cone
 from sim.episode.moving.motion import Motion
-from sim.episode.sweeping.contact_trace import Trace, trace_of
+from sim.episode.sweeping.contact_trace import Trace, traces_of
 from sim.errors import UsageError
 from sim.tables import read_rows
 from sim.world.probes.probe import DEFAULT, EMBEDDED, ProbeModel
@@ -111,7 +111,8 @@ class Recording:
 
     @cached_property
     def _traces(self) -> dict[int, Trace]:
-        return {step: trace_of(motion, self.tips_rest_m(step)) for step, motion in self.motions.items()}
+        tips_m = [self.tips_rest_m(step) for step in self.motions]
+        return dict(zip(self.motions, traces_of(list(self.motions.values()), tips_m), strict=True))
 
     def _index_at(self, time_s: float) -> tuple[int, int]:
         """The step at a time of the procedure, and which state of its motion was the last before it."""
@@ -165,7 +166,12 @@ def _readings(folder: Path) -> Readings:
         UsageError: Their table is broken.
     """
     steps, T_world_probe = read_poses(folder, READINGS_CSV)
-    time_s = np.array([float(row["time_s"]) for row in read_rows(folder / READINGS_CSV)])
+    try:
+        time_s = np.array([float(row["time_s"]) for row in read_rows(folder / READINGS_CSV)])
+    except (ValueError, KeyError) as error:
+        raise UsageError(
+            f"{folder / READINGS_CSV}: cannot be read ({error}). Run the episode again."
+        ) from error
     return Readings(steps, time_s, T_world_probe[:, :3, 3])
 
 

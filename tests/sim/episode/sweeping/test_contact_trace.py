@@ -6,7 +6,7 @@ import numpy as np
 
 from sim.colours import trace_rgb
 from sim.episode.moving.motion import Motion, Phase
-from sim.episode.sweeping.contact_trace import trace_of
+from sim.episode.sweeping.contact_trace import trace_of, traces_of
 
 
 def motion_of(phases: list[int]) -> Motion:
@@ -30,10 +30,16 @@ def test_pieces_lie_on_the_organ_and_leave_flights_out() -> None:
 
 def test_a_long_slide_is_told_in_pieces_that_reach_its_end() -> None:
     trace = trace_of(motion_of([int(Phase.SWEEP)] * 1001), n_pieces=40)
-    assert 40 <= len(trace.pieces_m) <= 42
+    assert 35 <= len(trace.pieces_m) <= 41
     np.testing.assert_array_equal(trace.pieces_m[1:, 0], trace.pieces_m[:-1, 1])
     assert trace.pieces_m[-1, 1, 0] == 1.0
     assert np.diff(trace.end_s).min() > 0.0
+
+
+def test_many_actions_are_told_in_few_pieces_each_to_their_ends() -> None:
+    traces = traces_of([motion_of([int(Phase.SWEEP)] * 100)] * 300)
+    assert sum(len(trace.pieces_m) for trace in traces) <= 1500
+    assert {trace.pieces_m[-1, 1, 0] for trace in traces} == {0.099}
 
 
 def test_a_flight_has_no_trace() -> None:

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mapping.storage import replacing
 from sim.comparison.estimates import mean_estimate
 from sim.comparison.tables import interval_text
 from sim.episode.episode import Episode
@@ -30,7 +31,8 @@ from sim.tables import markdown_table, nan_for_none
 from .sweep_trials import BASE, CONTENDERS, TIMES_S, Plan, Row, rows_of, run_plan
 
 ROOT = Path(__file__).resolve().parents[1]
-NAMES = ("case", "probe on", "planner", "sensing", "seeds")
+PAGE = ROOT / "docs" / "sweeps.md"
+NAMES = ("case", "probe", "planner", "sensing", "seeds")
 TO_95 = (*NAMES, "got to 95 %", "procedure [s]", "of stop and go", "readings", "lift-offs", "tip path [m]")
 IN_TIME = (
     *NAMES,
@@ -56,6 +58,8 @@ class Options:
     """Seeds to run, from 0 on."""
     minutes: float = 600.0
     """No further trial of a case begins after so long."""
+    write: bool = False
+    """Put the tables into docs/sweeps.md."""
     trace: str | None = None
     """Scenario whose trace is drawn in place of the tables."""
     seed: int = 0
@@ -75,7 +79,11 @@ def paired(rows: Sequence[Row]) -> list[list[Row]]:
         beside = [set(other) for each, other in groups.items() if each[:2] == name[:2]]
         seeds = sorted(set.intersection(*beside))
         kept.append([held[seed] for seed in seeds])
-    return [group for group in kept if group]
+    # Of the cases in the order in which they were run, the free probe first.
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    return sorted(
+        filter(None, kept), key=lambda group: (cases.index(group[0]["case"]), group[0]["arm"] != "none")
+    )
 
 
 def base_of(group: Sequence[Row], groups: Sequence[Sequence[Row]]) -> Sequence[Row]:
@@ -92,7 +100,7 @@ def base_of(group: Sequence[Row], groups: Sequence[Sequence[Row]]) -> Sequence[R
 def named(group: Sequence[Row]) -> tuple[str, ...]:
     """The first cells of a row of both tables."""
     first = group[0]
-    carrier = "nothing" if first["arm"] == "none" else "the arm"
+    carrier = "free" if first["arm"] == "none" else "arm"
     return f"`{first['case']}`", carrier, first["planner"], first["sensing"], str(len(group))
 
 
@@ -202,9 +210,21 @@ def main(options: Options) -> None:
         return
     run(options)
     groups = paired(rows_of([options.trials]))
-    print(markdown_table(TO_95, to_95(groups)))
-    print()
-    print(markdown_table(IN_TIME, in_time(groups)))
+    tables = [markdown_table(TO_95, to_95(groups)), markdown_table(IN_TIME, in_time(groups))]
+    print("\n\n".join(tables))
+    if options.write:
+        write(tables)
+
+
+def write(tables: Sequence[str]) -> None:
+    """Put each table between its marks on the page about sweeps."""
+    page = PAGE.read_text(encoding="utf-8")
+    for number, table in enumerate(tables, start=1):
+        begin, end = (f"<!-- table {number} of sweeps: {mark} -->" for mark in ("begin", "end"))
+        before, rest = page.split(begin)
+        page = f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}"
+    with replacing(PAGE) as file:
+        file.write(page.encode())
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
-"""Sensing along the way against stop and go, from campaigns of the study `sweeps`, and a picture of a sweep's trace.
+"""Sensing along the way against stop and go on equal seeds: trials, their tables, and a picture of a sweep's trace.
 
 Run it by `.venv/bin/python -m benchmarks.sweeps --help`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tyro
@@ -14,9 +16,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mapping.storage import replacing
 from sim.comparison.estimates import mean_estimate
 from sim.comparison.tables import interval_text
-from sim.comparison.trial_groups import TrialGroup, load_groups
 from sim.episode.episode import Episode
 from sim.episode.setup import build_setup
 from sim.episode.step import Step
@@ -24,66 +26,122 @@ from sim.pictures.figures import GRID
 from sim.running.fields import config_of
 from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode
-from sim.tables import markdown_table
+from sim.tables import markdown_table, nan_for_none
+
+from .sweep_trials import BASE, CONTENDERS, TIMES_S, Plan, Row, rows_of, run_plan
 
 ROOT = Path(__file__).resolve().parents[1]
-HEADER = (
-    *("scenario", "planner", "sensing", "seeds", "got to 95 %", "procedure [s]", "of stop and go"),
-    *("actions", "readings", "lift-offs", "tip path [m]"),
+PAGE = ROOT / "docs" / "sweeps.md"
+NAMES = ("case", "probe", "planner", "sensing", "seeds")
+TO_95 = (*NAMES, "got to 95 %", "procedure [s]", "of stop and go", "readings", "lift-offs", "tip path [m]")
+IN_TIME = (
+    *NAMES,
+    *(f"found, {time_s:g} s" for time_s in TIMES_S),
+    *(f"AUPRC, {time_s:g} s" for time_s in TIMES_S),
+    *("computing [s/s]",),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Print the table, or draw the picture."""
+    """Run trials, print their tables, or draw the picture."""
 
-    campaign: tuple[Path, ...] = (Path("renders/sweeps"),)
-    """Folders of campaigns."""
+    trials: Path = Path("renders/sweeps/trials.jsonl")
+    """File of the trials, a line each; those that it has are not run again."""
+    run: tuple[str, ...] = ()
+    """Cases to run: scenarios, or folders of $SOUNDING_DATA/livers. None to print the tables of what there is."""
+    arm: str = "none"
+    """What carries the probe in them: none, or an arm."""
+    planners: tuple[str, ...] = ()
+    """Planners of sweeps to run; by default all."""
+    seeds: int = 6
+    """Seeds to run, from 0 on."""
+    minutes: float = 600.0
+    """No further trial of a case begins after so long."""
+    write: bool = False
+    """Put the tables into docs/sweeps.md."""
     trace: str | None = None
-    """Scenario whose trace is drawn in place of the table."""
+    """Scenario whose trace is drawn in place of the tables."""
     seed: int = 0
     """Seed of that episode."""
     figure: Path = ROOT / "docs" / "figures" / "sweep.png"
     """Picture of the trace to write."""
 
 
-def sensing_of(group: TrialGroup) -> str:
-    """How a group senses."""
-    return "sweep" if group.setting("sense") == "sweep" else f"stop, {group.setting('sensing_s'):g} s"
+def paired(rows: Sequence[Row]) -> list[list[Row]]:
+    """The trials of each contender, by rising seed, of seeds alone that all contenders of the case and carrier have."""
+    groups: dict[tuple[str, ...], dict[int, Row]] = {}
+    for row in rows:
+        name = (row["case"], row["arm"], row["planner"], row["sensing"])
+        groups.setdefault(name, {})[row["seed"]] = row
+    kept = []
+    for name, held in groups.items():
+        beside = [set(other) for each, other in groups.items() if each[:2] == name[:2]]
+        seeds = sorted(set.intersection(*beside))
+        kept.append([held[seed] for seed in seeds])
+    # Of the cases in the order in which they were run, the free probe first.
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    return sorted(
+        filter(None, kept), key=lambda group: (cases.index(group[0]["case"]), group[0]["arm"] != "none")
+    )
 
 
-def table(groups: list[TrialGroup]) -> list[tuple[str, ...]]:
-    """A row for each group, with the ratio of its mean time to that of stop and go in the same scenario and seeds."""
-    rows = []
+def base_of(group: Sequence[Row], groups: Sequence[Sequence[Row]]) -> Sequence[Row]:
+    """The trials of stop and go in the same case, with the same carrier and seeds."""
+    first = group[0]
+    wanted = (first["case"], first["arm"], BASE.planner, BASE.sensing)
+    return next(
+        each
+        for each in groups
+        if tuple(each[0][name] for name in ("case", "arm", "planner", "sensing")) == wanted
+    )
+
+
+def named(group: Sequence[Row]) -> tuple[str, ...]:
+    """The first cells of a row of both tables."""
+    first = group[0]
+    carrier = "free" if first["arm"] == "none" else "arm"
+    return f"`{first['case']}`", carrier, first["planner"], first["sensing"], str(len(group))
+
+
+def means(group: Sequence[Row], value: Callable[[Row], Any]) -> float:
+    """The mean of a value over trials, those left out that have none."""
+    values = np.array(nan_for_none(value(row) for row in group))
+    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+
+
+def to_95(groups: Sequence[Sequence[Row]]) -> list[tuple[str, ...]]:
+    """A row for each contender: what it took until 95 % was sensed, and the ratio of its mean time to stop and go's."""
+    table = []
     for group in groups:
-        scenario = group.setting("scenario")
-        default = next(
-            each
-            for each in groups
-            if each.setting("scenario") == scenario and sensing_of(each) == "stop, 2 s"
+        estimate = mean_estimate([row["procedure_s"] for row in group])
+        ratio = estimate.mean / means(base_of(group, groups), lambda row: row["procedure_s"])
+        counts = (
+            f"{means(group, lambda row, key=key: row[key]):{form}}"
+            for key, form in (("n_readings", ".1f"), ("n_lift_offs", ".1f"), ("tip_path_m", ".2f"))
         )
-        seconds = {
-            each: dict(zip(each.seeds.tolist(), each.values("procedure_s"), strict=True))
-            for each in (group, default)
-        }
-        shared = sorted(seconds[group].keys() & seconds[default].keys())
-        ratio = np.mean([seconds[group][s] for s in shared]) / np.mean([seconds[default][s] for s in shared])
-        estimate = mean_estimate(group.values("procedure_s"))
-        is_there = np.isfinite(group.sensings_to_95())
-        is_sweep = sensing_of(group) == "sweep"
-        n = len(group.entries)
-        readings = group.values("n_readings" if is_sweep else "n_sensings")
-        lifts = group.values("n_lift_offs") if is_sweep else group.values("n_sensings") - 1
-        rows.append(
-            (
-                *(scenario, group.setting("planner"), sensing_of(group), str(n), f"{is_there.sum()} of {n}"),
-                f"{estimate.mean:.1f} {interval_text(estimate.interval, '{:.1f}')}",
-                f"{ratio:.2f}",
-                *(f"{each.mean():.1f}" for each in (group.values("n_sensings"), readings, lifts)),
-                f"{group.values('tip_path_m').mean():.2f}",
+        there = f"{sum(row['is_sensed'] for row in group)} of {len(group)}"
+        time = f"{estimate.mean:.1f} {interval_text(estimate.interval, '{:.1f}')}"
+        table.append((*named(group), there, time, f"{ratio:.2f}", *counts))
+    return table
+
+
+def in_time(groups: Sequence[Sequence[Row]]) -> list[tuple[str, ...]]:
+    """A row for each contender: lesions found and AUPRC at equal times, and computing for a second of procedure."""
+    table = []
+    for group in groups:
+        cells = []
+        for time_s in TIMES_S:
+            found, n = (
+                sum(row["at"][f"{time_s:g}"][key] for row in group) for key in ("n_found", "n_lesions")
             )
-        )
-    return rows
+            cells.append(f"{found} of {n}")
+        for time_s in TIMES_S:
+            cells.append(f"{means(group, lambda row, key=f'{time_s:g}': row['at'][key]['auprc']):.3f}")
+        whole = [row["whole"] for row in group]
+        computing = sum(row["computing_s"] for row in whole) / sum(row["procedure_s"] for row in whole)
+        table.append((*named(group), *cells, f"{computing:.2f}"))
+    return table
 
 
 def draw(options: Options) -> None:
@@ -133,12 +191,40 @@ def _trace(
     return time_s, tips_m, is_on, read_m
 
 
+def run(options: Options) -> None:
+    """Run the trials of all cases that are asked for."""
+    contenders = [
+        each
+        for each in CONTENDERS
+        if each.sense == "stop" or not options.planners or each.planner in options.planners
+    ]
+    for case in options.run:
+        plan = Plan(case=case, arm=options.arm, contenders=contenders, seeds=range(options.seeds))
+        run_plan(plan, options.trials, until_s=60.0 * options.minutes)
+
+
 def main(options: Options) -> None:
-    """Print the table, or draw the picture."""
+    """Run trials and print their tables, or draw the picture."""
     if options.trace is not None:
         draw(options)
         return
-    print(markdown_table(HEADER, table(load_groups(list(options.campaign)))))
+    run(options)
+    groups = paired(rows_of([options.trials]))
+    tables = [markdown_table(TO_95, to_95(groups)), markdown_table(IN_TIME, in_time(groups))]
+    print("\n\n".join(tables))
+    if options.write:
+        write(tables)
+
+
+def write(tables: Sequence[str]) -> None:
+    """Put each table between its marks on the page about sweeps."""
+    page = PAGE.read_text(encoding="utf-8")
+    for number, table in enumerate(tables, start=1):
+        begin, end = (f"<!-- table {number} of sweeps: {mark} -->" for mark in ("begin", "end"))
+        before, rest = page.split(begin)
+        page = f"{before}{begin}\n{table}\n{end}{rest.split(end)[1]}"
+    with replacing(PAGE) as file:
+        file.write(page.encode())
 
 
 if __name__ == "__main__":

@@ -22,9 +22,19 @@ ORGAN = "#8D6F68"
 """The organ."""
 INK = "#16191D"
 """The way of the tip, and text."""
+TRACE_RGB = ((0.27, 0.13, 0.99), (0.0, 0.57, 0.91), (0.33, 0.55, 0.14))
+"""The red, the green and the blue of a trace, each at its oldest, in its middle and at its newest: the ends and the
+middle of viridis, which brightens all the way."""
 
 
 def rgba(colour: str, opacity: float = 1.0) -> tuple[float, float, float, float]:
     """A colour such as `#D55E00` as red, green, blue and opacity, each from 0 to 1."""
     red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
     return red, green, blue, opacity
+
+
+def trace_rgb(share: float) -> tuple[float, float, float]:
+    """The colour of a place of a trace, from dark violet where it begins, 0, over green to yellow where it ends, 1."""
+    first, t = (0, 2.0 * share) if share < 0.5 else (1, 2.0 * share - 1.0)
+    red, green, blue = (each[first] + t * (each[first + 1] - each[first]) for each in TRACE_RGB)
+    return red, green, blue

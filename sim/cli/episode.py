@@ -29,10 +29,11 @@ ROWS = (
     ("readings on the way", "n_readings", "{}"),
     ("times the probe was lifted off", "n_lift_offs", "{}"),
     ("way of the tip in contact [m]", "contact_path_m", "{:.2f}"),
+    ("share of the sliding within 20 % of the force", "force_in_band", "{:.1%}"),
     ("time in all [s]", "wall_s", "{:.1f}"),
 )
 
-SOMETIMES = ("confidence", "n_readings", "n_lift_offs", "contact_path_m")
+SOMETIMES = ("confidence", "n_readings", "n_lift_offs", "contact_path_m", "force_in_band")
 """Rows that are left out where there is nothing to tell."""
 
 TARGET_ROWS = (

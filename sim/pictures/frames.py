@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from time import perf_counter
 
@@ -15,8 +15,8 @@ from scipy.ndimage import binary_erosion
 from mapping.storage import replacing
 from sim.closeable import Closeable
 from sim.episode.episode import Episode
-from sim.episode.moving.motion import Phase
 from sim.episode.step import Step
+from sim.episode.sweeping.contact_trace import traces_of
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.camera.rendering import Overlay, SceneRenderer, averaged
 from sim.world.sensing.sweep import Sweep
@@ -30,8 +30,6 @@ LIKELY = 0.7
 """Cells with a higher probability of tumour are drawn. It is well above the prior of 0.5, that of unsensed cells."""
 
 
-N_PIECES = 40
-"""Pieces in which the way of an action on the organ is drawn."""
 N_FORESEEN = 9
 """Poses, spread over the workspace, for which the camera is placed before the first picture."""
 
@@ -68,19 +66,19 @@ class EpisodeFrames(Closeable):
         self._folder, self._renderer, self._episode = run_path / "frames", renderer, episode
         self._pool = ThreadPoolExecutor(max_workers=1)
         self._pending: list[Future[None]] = []
-        self._trace_m = np.empty((0, 2, 3))
         self._cell_size_m = float(np.diff(episode.setup.query.axes_m[0]).min())
         self.draw_s = 0.0
         """Seconds for which drawing kept the episode waiting."""
         if renderer is not None:
             self._folder.mkdir(exist_ok=True)
 
-    def draw(self, name: str, step: Step) -> None:
-        """Draw the episode's present state, at the pose of `step`, to `name` in the folder."""
+    def draw(self, name: str, steps: Sequence[Step]) -> None:
+        """Draw the episode's present state, at the pose of the last of its `steps` so far, to `name` in the folder."""
         if self._renderer is None:
             return
         start_s = perf_counter()
-        samples = self._samples(self._renderer, self._overlay(step))
+        step = steps[-1]
+        samples = self._samples(self._renderer, self._overlay(steps))
         caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
         self._pending = [job for job in self._pending if not job.done() or job.result()]
         job = self._pool.submit(
@@ -99,7 +97,7 @@ class EpisodeFrames(Closeable):
         with moved_anatomy(data, body.T_world_rest):
             return renderer.render_samples(data, replace(overlay, sensed_m=sensed_m, cells_m=cells_m))
 
-    def _overlay(self, step: Step) -> Overlay:
+    def _overlay(self, steps: Sequence[Step]) -> Overlay:
         episode = self._episode
         workspace = episode.setup.workspace
         sensed_m = workspace.positions_m[episode.sensed]
@@ -111,23 +109,9 @@ class EpisodeFrames(Closeable):
             sensed_m=sensed_m,
             cells_m=cells_m,
             cell_size_m=self._cell_size_m,
-            path_m=step.motion.tips_m,
-            trace_m=self._traced(step),
+            path_m=steps[-1].motion.tips_m,
+            trace_m=np.concatenate([each.pieces_m for each in traces_of([step.motion for step in steps])]),
         )
-
-    def _traced(self, step: Step) -> NDArray[np.float64]:
-        """The way on the organ of all actions that were drawn, in pieces, shape (Q, 2, 3) [m]; none without a sweep."""
-        motion = step.motion
-        on = np.flatnonzero(motion.phases == int(Phase.SWEEP))
-        if len(on):
-            rows = np.unique(np.append(on[:: max(1, len(on) // N_PIECES)], on[-1]))
-            pieces = np.stack([motion.tips_m[rows[:-1]], motion.tips_m[rows[1:]]], axis=1)
-            # Two slides of one action are joined by a flight, which is none of the trace.
-            lies_on = np.array(
-                [(motion.phases[a:b] == int(Phase.SWEEP)).all() for a, b in pairwise(rows.tolist())]
-            )
-            self._trace_m = np.concatenate([self._trace_m, pieces[lies_on.astype(bool)]])
-        return self._trace_m
 
     def _is_rind(self, is_likely: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Which search points are likely and have a neighbour that is not: only these are seen of a heap of cells."""

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from planner import Cone
 from sim.episode.moving.motion import Motion
+from sim.episode.sweeping.contact_trace import Trace, traces_of
 from sim.errors import UsageError
 from sim.tables import read_rows
 from sim.world.probes.probe import DEFAULT, EMBEDDED, ProbeModel
@@ -23,7 +25,20 @@ from sim.world.scene.named_arms import named_arm
 from sim.world.scene.scene import Scene, build_scene
 
 from .ownership import check_run_folder
+from .poses import READINGS_CSV, read_poses
 from .trajectories import PROBE, Places, read_anatomy, read_motions, read_places
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """The readings of a run that sensed along the way, in order."""
+
+    steps: NDArray[np.int64]
+    """The action of each, shape (R,)."""
+    time_s: NDArray[np.float64]
+    """Time since that action began [s], shape (R,)."""
+    places_m: NDArray[np.float64]
+    """Where the tip was [m], shape (R, 3)."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,6 +57,8 @@ class Recording:
     """Where the organ truly was during the motion of each step; empty where it lay as planned."""
     motion_kind: str
     """How the arm moved: `none` where it jumped, `kinematic` or `servo`."""
+    readings: Readings | None = None
+    """The readings of a run that sensed along the way; None where there is one at the end of each motion."""
 
     @property
     def duration_s(self) -> float:
@@ -69,6 +86,33 @@ class Recording:
             return tips_m
         T = self.places[step].T_world_rest
         return np.einsum("sji,sj->si", T[:, :3, :3], tips_m - T[:, :3, 3])
+
+    def trace(self, until_s: float = math.inf) -> Trace:
+        """What the tip went on the organ until a time of the procedure, as seen from where the organ was planned."""
+        begins_s = self.begins_s
+        end_s = np.concatenate([begins_s[step] + trace.end_s for step, trace in self._traces.items()])
+        is_gone = end_s <= until_s
+        pieces_m = np.concatenate([trace.pieces_m for trace in self._traces.values()])
+        return Trace(pieces_m[is_gone], end_s[is_gone])
+
+    def read_m(self, until_s: float) -> NDArray[np.float64]:
+        """Where readings had been taken by a time of the procedure, as seen from the organ [m], shape (R, 3)."""
+        if self.readings is None:
+            return self.sensed_m[: list(self.motions).index(self.at(until_s)[0])]
+        begins_s = self.begins_s
+        read_s = np.array([begins_s.get(step, math.inf) for step in self.readings.steps.tolist()])
+        return self.readings.places_m[read_s + self.readings.time_s <= until_s + 1e-9]
+
+    @property
+    def begins_s(self) -> dict[int, float]:
+        """When each action began [s]."""
+        seconds = [motion.motion_s + self.sensing_s for motion in self.motions.values()]
+        return dict(zip(self.motions, np.cumsum([0.0, *seconds[:-1]]).tolist(), strict=True))
+
+    @cached_property
+    def _traces(self) -> dict[int, Trace]:
+        tips_m = [self.tips_rest_m(step) for step in self.motions]
+        return dict(zip(self.motions, traces_of(list(self.motions.values()), tips_m), strict=True))
 
     def _index_at(self, time_s: float) -> tuple[int, int]:
         """The step at a time of the procedure, and which state of its motion was the last before it."""
@@ -111,7 +155,24 @@ def read_recording(folder: Path) -> Recording:
         sensed_m=np.array(sensed_m).reshape(-1, 3),
         places=read_places(folder),
         motion_kind=str(options.get("motion", "none")),
+        readings=_readings(folder) if (folder / READINGS_CSV).is_file() else None,
     )
+
+
+def _readings(folder: Path) -> Readings:
+    """The readings of a run that sensed along the way.
+
+    Raises:
+        UsageError: Their table is broken.
+    """
+    steps, T_world_probe = read_poses(folder, READINGS_CSV)
+    try:
+        time_s = np.array([float(row["time_s"]) for row in read_rows(folder / READINGS_CSV)])
+    except (ValueError, KeyError) as error:
+        raise UsageError(
+            f"{folder / READINGS_CSV}: cannot be read ({error}). Run the episode again."
+        ) from error
+    return Readings(steps, time_s, T_world_probe[:, :3, 3])
 
 
 def _arm(options: dict[str, Any]) -> ArmModel:

@@ -13,6 +13,7 @@ from planner.acquisition import expected_improvement
 from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS
+from sim.episode.moving.held_force import HELD_CELLS
 from sim.episode.setup import Setup
 from sim.episode.step import Step
 from sim.episode.sweeping.score import SWEEP_CELLS, SweepScore
@@ -85,6 +86,7 @@ def _step_row(episode: Episode, step: Step) -> dict[str, Any]:
         "contact_force_n": step.motion.contact_force_n,
         **({} if step.motion.force_error_n is None else {"force_error_n": step.motion.force_error_n}),
         "peak_force_n": step.motion.peak_force_n,
+        **({} if (held := step.motion.held) is None else {name: getattr(held, name) for name in HELD_CELLS}),
         **{name: getattr(step, name) for name in ACTION_SECONDS},
         **({"confidence": episode.confidence()} if episode.planner.tells_confidence else {}),
     }

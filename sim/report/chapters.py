@@ -183,6 +183,10 @@ def _arm(record: RunRecord) -> dict[str, Any] | None:
         ("Tracking error [mm]", record.numbers("tracking_error_m") * 1e3, "tracking"),
         ("Contact force [N]", record.numbers("contact_force_n"), "force"),
         ("Motion to the pose [s]", record.numbers("motion_s"), "motion"),
+        ("Force error while sliding [N]", record.numbers("slide_force_error_n"), "slide-force"),
+        ("Time farther than 20 % from the force [%]", 1e2 * (1.0 - record.numbers("force_in_band")), "band"),
+        ("Slip beside the way [mm]", record.numbers("slide_slip_m") * 1e3, "slip"),
+        ("Lag along the way [mm]", record.numbers("slide_lag_m") * 1e3, "lag"),
     ]
     kept = [each for each in series if np.isfinite(each[1]).any()]
     return {

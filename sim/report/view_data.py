@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sim.colours import trace_rgb
 from sim.episode.scenario import PAPER_ORGAN
 from sim.errors import UsageError
 from sim.record.map_field import called_from
@@ -55,6 +56,7 @@ def view_data(record: RunRecord, pack: Pack) -> dict[str, Any]:
         "skipped": _skipped(record),
         "arm": None if recording is None else _arm(recording, pack),
         "paths": None if recording is None else _paths(recording, record.n_steps, pack),
+        "trace": None if recording is None else _trace(record, recording, pack),
         "map": _map(record, pack),
         "target": _target(record.target, pack),
     }
@@ -117,6 +119,26 @@ def _paths(recording: Recording, n_steps: int, pack: Pack) -> dict[str, Any]:
     ends = np.cumsum([len(way) for way in ways])
     points = np.concatenate([*ways, np.empty((0, 3))]).astype(np.float32)
     return {"points": pack.add(points.ravel()), "ends": ends.tolist()}
+
+
+def _trace(record: RunRecord, recording: Recording, pack: Pack) -> dict[str, Any] | None:
+    """The way on the organ in pieces with their colours by time, and the readings on it; None without a sweep.
+
+    `ends` and `read` are how many pieces there are, and how many readings, after each action.
+    """
+    if record.readings is None:
+        return None
+    trace, steps = recording.trace(), record.readings[0]
+    lasts_s = [*recording.begins_s.values(), recording.duration_s][1:]
+    shares = trace.end_s / max(recording.duration_s, 1e-9)
+    colours = np.array([trace_rgb(float(share)) for share in shares]).reshape(-1, 3)
+    return {
+        "pieces": pack.add(trace.pieces_m.astype(np.float32).ravel()),
+        "colours": pack.add(colours.astype(np.float32).ravel()),
+        "ends": np.searchsorted(trace.end_s, np.array(lasts_s) + 1e-9)[: record.n_steps].tolist(),
+        "readings": pack.add(record.readings[1][:, :3, 3].astype(np.float32).ravel()),
+        "read": np.searchsorted(steps, np.arange(1, record.n_steps + 1), side="right").tolist(),
+    }
 
 
 def _skipped(record: RunRecord) -> list[list[float]]:

@@ -31,8 +31,7 @@ from .placing.arm_place import arm_of, probe_of
 from .placing.body import body_of
 from .reader import reader_errors
 from .sensor import sensor_of, trust_of
-from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of
-from .sweep import sweep_of
+from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of, sweep_of
 
 if TYPE_CHECKING:
     from sim.episode.body_options import BodyOptions
@@ -154,7 +153,7 @@ def make_parts(
         motion=config.moving.motion,
         motion_settings=speeds,
         servo_settings=servo_settings_of(config),
-        sweep=sweep_of(config.sweeping, motion=config.moving.motion, sensor=config.sensor, body=body),
+        sweep=sweep_of(config, body),
         body=body,
         seed=config.seed,
         n_steps=config.steps,
@@ -175,7 +174,7 @@ def check_config(config: EpisodeConfig) -> None:
     scenario_of(config)
     body = body_of(config.body, config.moving.motion, motion_settings_of(config))
     servo_settings_of(config)
-    sweep_of(config.sweeping, motion=config.moving.motion, sensor=config.sensor, body=body)
+    sweep_of(config, body)
     reader_errors(config.reading)
     if config.sensor == ULTRASOUND:
         sensor_of(config)

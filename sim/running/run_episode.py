@@ -235,7 +235,7 @@ class _EpisodeRun:
                 write_sweep(self._folder, step.step, step.reading.images, self._output.keep_images)
                 self._show(step)
                 if draws_each:
-                    self._frames.draw(f"{step.step:04d}.png", step)
+                    self._frames.draw(f"{step.step:04d}.png", self._totals.steps)
                 progress.set_postfix_str(progress_text(step, self._episode), refresh=False)
                 progress.update()
                 if interrupt.is_set:
@@ -262,7 +262,7 @@ class _EpisodeRun:
 
         folder, episode, totals, parts = self._folder, self._episode, self._totals, self._parts
         if self._output.frames == "last" and totals.steps:
-            self._frames.draw("final.png", totals.steps[-1])
+            self._frames.draw("final.png", totals.steps)
         self._frames.close()
         summary = episode_summary(episode, totals, episode.metrics(), parts)
         summary |= {

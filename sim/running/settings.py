@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from mapping import DetailSettings, MapSettings, TrustSettings
 from planner import Planner
@@ -15,6 +15,11 @@ from .case import MM
 from .config import EpisodeConfig, MapName, MovingConfig
 from .fields import value_of
 from .placing.body import DEFAULT_PRESS_N
+from .sweep import sweep_settings
+
+if TYPE_CHECKING:
+    from sim.episode.body_options import BodyOptions
+    from sim.episode.sweeping.settings import SweepSettings
 
 FIELD_OF = {
     "sure_radius_m": "sure_radius_mm",
@@ -136,6 +141,18 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
         raise in_fields(config, error) from error
     # Elastic tissue has the force of its own, which no spring has to bear.
     return dataclasses.replace(settings, press_n=None) if is_elastic else settings
+
+
+def sweep_of(config: EpisodeConfig, body: BodyOptions | None) -> SweepSettings | None:
+    """How the probe glides and reads on the way; None where it senses where it stops.
+
+    Raises:
+        FieldError: A value is out of range, or options do not go together.
+    """
+    press_n = config.body.press_n
+    return sweep_settings(
+        config.sweeping, motion=config.moving.motion, press_n=press_n, sensor=config.sensor, body=body
+    )
 
 
 def _check_pressed_once(config: EpisodeConfig) -> None:

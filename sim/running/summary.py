@@ -10,6 +10,7 @@ from mapping import MapMetrics, average_precision
 from sim.episode.attainment import seeable_points
 from sim.episode.episode import Episode
 from sim.episode.measures import ACTION_SECONDS, SENSED_GOAL
+from sim.episode.moving.held_force import HELD_CELLS, held_together
 from sim.episode.step import Step
 from sim.episode.sweeping.score import SWEEP_CELLS
 from sim.episode.target_belief import TargetBelief
@@ -61,12 +62,16 @@ class Totals:
             "tip_path_m": sum(step.motion.tip_path_m for step in self.steps),
         }
 
-    def sweeps(self) -> dict[str, float]:
+    def sweeps(self) -> dict[str, float | None]:
         """What was read on the way, and how often the probe was lifted; empty where it senses where it stops."""
         scores = [step.sweep for step in self.steps if step.sweep is not None]
         if not scores:
             return {}
-        return {name: sum(getattr(score, name) for score in scores) for name in SWEEP_CELLS}
+        held = held_together([step.motion.held for step in self.steps if step.motion.held is not None])
+        sums: dict[str, float | None] = {
+            name: sum(getattr(score, name) for score in scores) for name in SWEEP_CELLS
+        }
+        return sums | ({} if held is None else {name: getattr(held, name) for name in HELD_CELLS})
 
 
 def episode_summary(

@@ -46,14 +46,15 @@ _RANGES = {
 }
 
 
-def sweep_of(
-    own: SweepConfig, *, motion: MotionKind, sensor: str, body: BodyOptions | None
+def sweep_settings(
+    own: SweepConfig, *, motion: MotionKind, press_n: float | None, sensor: str, body: BodyOptions | None
 ) -> SweepSettings | None:
     """How the probe glides and reads; None where it senses where it stops.
 
     Args:
         own: The options.
         motion: How the probe moves.
+        press_n: Force of the probe on the organ [N]; None where none is named.
         sensor: The sensor's name.
         body: How the organ's true place differs from the plan; None where it lies as planned.
 
@@ -69,7 +70,11 @@ def sweep_of(
     for name, (low, high) in _RANGES.items():
         if not low <= (value := getattr(own, name)) <= high:
             raise FieldError(name, value, f"must be from {low:g} to {high:g}.")
-    _check_company(motion, sensor, body)
+    _check_company(sensor, body)
+    if motion == "servo" and press_n is None:
+        raise FieldError(
+            "motion", motion, "holds a force in a sweep. Name it (`press_n`), or choose another motion."
+        )
     wanted_hz = own.sweep_speed_mm_s / own.read_every_mm
     if wanted_hz > own.frame_rate_hz:
         raise FieldError(
@@ -89,18 +94,12 @@ def sweep_of(
     )
 
 
-def _check_company(motion: MotionKind, sensor: str, body: BodyOptions | None) -> None:
+def _check_company(sensor: str, body: BodyOptions | None) -> None:
     """Check that nothing else is wanted that a sweep cannot do.
 
     Raises:
         FieldError: Something is.
     """
-    if motion == "servo":
-        raise FieldError(
-            "motion",
-            motion,
-            "a sweep is not moved by servos yet. Choose kinematic or none with `sense` sweep.",
-        )
     if sensor == "ultrasound":
         raise FieldError(
             "sensor", sensor, "tilts the probe for each reading. Choose another sensor with `sense` sweep."
@@ -132,4 +131,4 @@ def motion_model_of(
 
     if sweep is None:
         return make_motion_model(setup, kind, speeds, servo)
-    return make_sweep_motion(ground_of(setup), kind, sweep, speeds)
+    return make_sweep_motion(ground_of(setup), kind, sweep, speeds, servo)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import logit
 from skimage.measure import marching_cubes
 
+from sim.colours import trace_rgb
 from sim.record.map_field import called_from
 from sim.record.recording import Recording
 from sim.record.run_record import RunRecord
@@ -44,6 +45,7 @@ def write_rerun(record: RunRecord, recording: Recording, path: Path) -> int:
         _set_time(stream, index + 1, began_s)
         _log_action(rr, stream, record, index, T)
         began_s += recording.sensing_s
+    _log_trace(rr, stream, recording)
     stream.flush()
     return record.n_steps
 
@@ -86,6 +88,17 @@ def _log_action(rr: Any, stream: Any, record: RunRecord, index: int, T: NDArray[
     frame = record.folder / "frames" / f"{index + 1:04d}.png"
     if frame.is_file():
         stream.log("frame", rr.EncodedImage(path=frame))
+
+
+def _log_trace(rr: Any, stream: Any, recording: Recording) -> None:
+    """Log the way on the organ, coloured by time, piece by piece as it was gone."""
+    trace, begins_s = recording.trace(), list(recording.begins_s.values())
+    steps = list(recording.motions)
+    for row, (piece_m, end_s) in enumerate(zip(trace.pieces_m, trace.end_s.tolist(), strict=True)):
+        action = steps[int(np.searchsorted(begins_s, end_s)) - 1]
+        _set_time(stream, action, end_s)
+        colour = [round(255 * each) for each in trace_rgb(end_s / recording.duration_s)]
+        stream.log(f"world/trace/{row}", rr.LineStrips3D([piece_m], radii=0.0012, colors=[colour]))
 
 
 def _map_surface(record: RunRecord, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:

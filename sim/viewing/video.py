@@ -75,7 +75,6 @@ def write_video(recording: Recording, path: Path, settings: VideoSettings) -> in
 def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> Iterator[NDArray[np.uint8]]:
     """The frames in order, each of shape (height, width, 3)."""
     data = recording.scene.new_data()
-    steps = list(recording.motions)
     anatomy = recording.scene.anatomy
     size = frame_settings(anatomy, width_px=settings.width_px, height_px=settings.height_px)
     with SceneRenderer(recording.scene, size) as renderer:
@@ -84,11 +83,12 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
             time_s = frame * settings.speed / settings.fps
             step, state = recording.at(time_s)
             set_state(recording.scene, data, state)
-            index = steps.index(step)
             T = recording.T_world_rest_at(time_s)
             # The poses lie in the organ, and move along with it.
-            sensed_m = recording.sensed_m[:index] @ T[:3, :3].T + T[:3, 3]
-            overlay = Overlay(sensed_m=sensed_m, path_m=recording.motions[step].tips_m[::PATH_EVERY])
+            sensed_m = recording.read_m(time_s) @ T[:3, :3].T + T[:3, 3]
+            trace_m = recording.trace(time_s).pieces_m @ T[:3, :3].T + T[:3, 3]
+            path_m = recording.motions[step].tips_m[::PATH_EVERY]
+            overlay = Overlay(sensed_m=sensed_m, path_m=path_m, trace_m=trace_m)
             caption = f"{recording.folder.name}   ·   action {step}   ·   {time_s:.1f} s"
             with moved_anatomy(data, T):
                 picture = renderer.render(data, overlay)

@@ -15,6 +15,7 @@ from sim.world.motion.arrival import Arrival
 from sim.world.motion.beam_contact import BeamContact
 from sim.world.motion.curve import through
 from sim.world.motion.force_control import ACCELERATION_M_S2, BeamLine, ForceControl, ForceGoal, beam_line
+from sim.world.motion.servo import ServoRun
 
 from ..positioner import touching
 from .motion import Motion, Phase, ProcedureStoppedError, blocked, joint_travel_rad
@@ -99,13 +100,58 @@ class ForceMotion(ServoMotion):
         motion = self._moved(data, descent)
         self._organ.moved(motion.motion_s)
         if not motion.is_done:
-            self._last, self._control, self._up = None, None, None
-            self._way_back = self._way_back_of(motion.states)
+            self.stray(motion.states)
             return motion
         self._last, self._control, self._way_back = pose, descent.control, None
         contact = self._contact
         self._organ.pressed(contact.T_rest_touch, contact.force_n, contact.stiffness_n_m)
         return motion
+
+    def stand_at(self, data: mujoco.MjData, pose: int) -> str:
+        """See `MotionModel.stand_at`: where a slide pressed on to, and told of by `press_on`."""
+        del data
+        self._last = pose
+        return "" if self._control is not None else "The probe does not press on the organ."
+
+    @property
+    def control(self) -> ForceControl | None:
+        """How the probe is pressed where it is; None where it is not."""
+        return self._control
+
+    @property
+    def contact(self) -> BeamContact:
+        """What the tip meets."""
+        return self._contact
+
+    @property
+    def dt_s(self) -> float:
+        """Time of one step of the dynamics [s]."""
+        return self._arm.dt_s
+
+    @property
+    def goal(self) -> ForceGoal:
+        """What the probe is sent down for."""
+        return ForceGoal(
+            force_n=self._organ.force_n,
+            search_m=self._organ.search_m,
+            speed_m_s=self._settings.approach_speed_m_s,
+            settle_s=self.servo.settle_s,
+            wait_s=self._organ.wait_s,
+        )
+
+    def follow(self, commands: Iterator[tuple[Array, Array]], *, record_every: int) -> ServoRun:
+        """What the arm does that is sent one command a step; every so many steps are recorded."""
+        return self._arm.follow(commands, record_every=record_every)
+
+    def press_on(self, line: BeamLine, along_m: float) -> None:
+        """Take the probe to press at a place on another line, to which its servos were sent."""
+        self._control = ForceControl(line, self._contact, self.goal, dt_s=self._arm.dt_s)
+        self._control.along_m, self._way_back = along_m, None
+
+    def stray(self, states: Array) -> None:
+        """Take the arm to be off its way after some states of the scene, shape (T, nq)."""
+        self._last, self._control, self._up = None, None, None
+        self._way_back = self._way_back_of(states)
 
     def _hold_while_sensing(self) -> None:
         """Hold the force while time has passed since the last motion, and lay the way up from where that ends."""
@@ -136,14 +182,7 @@ class ForceMotion(ServoMotion):
             return found
         plan, line = found
         wait_s = self._wait_s(organ.time_s + down_s + plan_s(plan))
-        goal = ForceGoal(
-            force_n=organ.force_n,
-            search_m=organ.search_m,
-            speed_m_s=speed_m_s,
-            settle_s=self.servo.settle_s,
-            wait_s=organ.wait_s,
-        )
-        return _Descent(plan, wait_s, ForceControl(line, self._contact, goal, dt_s=self._arm.dt_s))
+        return _Descent(plan, wait_s, ForceControl(line, self._contact, self.goal, dt_s=self._arm.dt_s))
 
     def _wait_s(self, arrived_s: float) -> float:
         """How long the probe waits above the organ, which is to rest from contact until the force was held [s]."""
@@ -166,17 +205,29 @@ class ForceMotion(ServoMotion):
     def _line(self, pose: int, T_world_rest: Array) -> BeamLine:
         """The line down to a pose where the organ is believed to lie."""
         answer, workspace = self._positioner.reach(pose), self._positioner.workspace
-        columns, organ = self._chain.columns, self._organ
+        seeds = (answer.q_standoff[self._chain.columns], answer.q[self._chain.columns])
+        return self.line_at(workspace.positions_m[pose], workspace.normals[pose], seeds, T_world_rest)
+
+    def line_at(
+        self, place_m: Array, beam: Array, seeds: tuple[Array, Array], T_world_rest: Array | None = None
+    ) -> BeamLine:
+        """The line down to a place of the planned organ, and below it.
+
+        Args:
+            place_m: On the surface, shape (3,).
+            beam: Where the beam points, shape (3,).
+            seeds: Configurations near those above the place and at it, shape (n,) each.
+            T_world_rest: Where the organ is believed to lie, shape (4, 4); None where it was planned.
+        """
         T_planned = np.eye(4)
-        T_planned[:3, :3] = frames_along(workspace.normals[pose][None])[0]
-        T_planned[:3, 3] = workspace.positions_m[pose]
-        room_m = ROOM_SHARE * organ.force_n / self._arm.stiffness_n_m + ROOM_M
+        T_planned[:3, :3], T_planned[:3, 3] = frames_along(beam[None])[0], place_m
+        room_m = ROOM_SHARE * self._organ.force_n / self._arm.stiffness_n_m + ROOM_M
         return beam_line(
             self._chain,
-            T_world_rest @ T_planned,
-            (answer.q_standoff[columns], answer.q[columns]),
+            T_planned if T_world_rest is None else T_world_rest @ T_planned,
+            seeds,
             above_m=IkSettings().standoff_m,
-            below_m=organ.search_m + room_m,
+            below_m=self._organ.search_m + room_m,
             touching=self._touching,
         )
 
@@ -223,10 +274,10 @@ class ForceMotion(ServoMotion):
             contact_force_n=float(run.force_n[-1]),
             force_error_n=float(run.force_n[-1]) - goal_n,
             peak_force_n=run.peak_force_n,
-            reason="" if run.is_stopped else control.reason or self._reason(run, arrival),
+            reason="" if run.is_stopped else control.reason or self.missed(run, arrival),
         )
         if run.is_stopped:
-            raise ProcedureStoppedError(self._why_stopped(run), motion)
+            raise ProcedureStoppedError(self.why_stopped(run), motion)
         return motion
 
     def _recorded(self, descent: _Descent, every: int) -> tuple[Array, NDArray[np.int8]]:

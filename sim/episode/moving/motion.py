@@ -16,6 +16,7 @@ from sim.world.errors import WorldError
 from sim.world.ik.settings import IkSettings
 
 from ..positioner import Positioner
+from .held_force import HeldForce, held_together
 from .travel import Travel
 
 
@@ -62,6 +63,8 @@ class Motion:
     """By how much that force is above the one that was wanted; None where the probe is sent to a depth."""
     peak_force_n: float | None = None
     """Largest contact force of the motion; None where there is no contact model."""
+    held: HeldForce | None = None
+    """The force while the probe slid; None where no force is held."""
     reason: str = ""
     """Why the pose was not reached; empty if it was. Where there are states too, the arm moved and missed it."""
     passed: tuple[int, ...] = ()
@@ -136,6 +139,7 @@ def joined(motions: Sequence[Motion]) -> Motion:
         phases=np.concatenate([part.phases for part in motions])[is_new],
         joint_travel_rad=sum(travels_rad) if travels_rad else None,
         peak_force_n=max(peaks_n) if peaks_n else None,
+        held=held_together([part.held for part in motions if part.held is not None]),
         passed=tuple(pose for part in motions for pose in part.passed),
         passed_rows=tuple(rows),
     )

@@ -69,10 +69,10 @@ class ServoMotion(PathMotion):
             tracking_error_rad=arrival.error_rad,
             contact_force_n=float(run.force_n[-1]),
             peak_force_n=run.peak_force_n,
-            reason=self._reason(run, arrival),
+            reason=self.missed(run, arrival),
         )
         if run.is_stopped:
-            raise ProcedureStoppedError(self._why_stopped(run), motion)
+            raise ProcedureStoppedError(self.why_stopped(run), motion)
         return motion
 
     def _commands(
@@ -90,7 +90,7 @@ class ServoMotion(PathMotion):
         speed[n_moving:] = 0.0
         return time_s, q, speed, n_moving
 
-    def _reason(self, run: ServoRun, arrival: Arrival) -> str:
+    def missed(self, run: ServoRun, arrival: Arrival) -> str:
         """Why the pose was missed; empty where it was not, or where the arm stopped."""
         if run.is_stopped:
             return ""
@@ -98,7 +98,8 @@ class ServoMotion(PathMotion):
             return "The simulated arm became unstable; its masses, or the stiffness of its joints, are far apart."
         return "" if arrival.is_there else arrival.reason()
 
-    def _why_stopped(self, run: ServoRun) -> str:
+    def why_stopped(self, run: ServoRun) -> str:
+        """Why the arm stopped for safety, as a sentence with the remedy."""
         x_mm, y_mm, z_mm = 1e3 * run.tips_m[-1]
         return (
             f"The probe pressed with {run.peak_force_n:.2f} N at ({x_mm:.0f}, {y_mm:.0f}, {z_mm:.0f}) mm, above the "

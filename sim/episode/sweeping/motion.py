@@ -77,10 +77,10 @@ class SweepMotion(MotionModel):
         stops, self._via = [*self._via, pose], ()
         path = self._path_through(stops)
         if len(stops) > 1 and path and not isinstance(motion := self._slid(data, path), str):
-            self._at = pose
+            self._at = pose if motion.is_done else None
             return motion
         legs = [self._leg(data, stop) for stop in stops]
-        begun = [leg for leg in legs if len(leg.time_s) and (leg.is_done or leg is legs[-1])]
+        begun = [leg for leg in legs if len(leg.time_s)]
         if not begun:
             return legs[-1]
         return replace(joined(begun), reason=legs[-1].reason)
@@ -108,7 +108,7 @@ class SweepMotion(MotionModel):
             if len(path) > 1 and self._times.is_worth_sliding(self._at, stop):
                 motion = self._slid(data, path)
                 if not isinstance(motion, str):
-                    self._at = stop
+                    self._at = stop if motion.is_done else None
                     return motion
         motion = self._inner.move(data, stop)
         # After a miss the probe is somewhere above the organ.
@@ -124,6 +124,7 @@ class SweepMotion(MotionModel):
             tips_m=np.tile(tip_m, (2, 1)),
             phases=np.full(2, Phase.HOLD, dtype=np.int8),
             joint_travel_rad=0.0 if data.model.nq else None,
+            held=self._slide.nothing_held,
             passed=(pose,),
             passed_rows=(1,),
         )
@@ -141,6 +142,8 @@ class SweepMotion(MotionModel):
             if isinstance(motion, str):
                 reason = motion
                 continue
+            if not motion.is_done:
+                return replace(motion, passed_rows=())
             if reason := self._inner.stand_at(data, path[-1]):
                 set_state(data, before)
                 return reason
@@ -165,6 +168,7 @@ class SweepMotion(MotionModel):
             states=np.vstack([motion.states, motion.states[-1:]]),
             tips_m=np.vstack([motion.tips_m, motion.tips_m[-1:]]),
             phases=np.append(motion.phases, np.int8(Phase.HOLD)),
+            held=self._slide.nothing_held,
             passed=(pose,),
             passed_rows=(len(motion.time_s),),
         )

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from sim.world.frames import frames_along
+from sim.world.ik.chain import Chain
 from sim.world.ik.damped_least_squares import Descent, descend
 from sim.world.motion.joint_limits import JointLimits
 from sim.world.motion.path_search import LINE_TOLERANCE_M, PathSearch
 from sim.world.motion.timing import PathTimer, Trajectory
 
+from ..moving.held_force import HeldForce
 from ..moving.motion import Motion, Phase, joint_travel_rad, state_of
 from ..moving.path_motion import RECORD_DT_S
 from ..positioner import ArmPositioner, Positioner
@@ -29,6 +33,9 @@ CENTRING = 0.005
 
 class Slide(ABC):
     """Brings a probe along ways over the organ."""
+
+    nothing_held: HeldForce | None = None
+    """The force of a motion without a slide, where slides hold one; None where they do not."""
 
     @abstractmethod
     def move(self, data: mujoco.MjData, way: SurfaceWay, rows: NDArray[np.intp]) -> Motion | str:
@@ -69,6 +76,16 @@ class FreeSlide(Slide):
         )
 
 
+@dataclass(frozen=True, eq=False)
+class PlannedSlide:
+    """Configurations of a chain along a way."""
+
+    q: NDArray[np.float64]
+    """At its places, shape (K, n)."""
+    curve: CubicSpline
+    """Through them."""
+
+
 class ArmSlide(Slide):
     """The slide of an arm, whose configurations go on from the present one, each checked, timed within its limits."""
 
@@ -95,16 +112,13 @@ class ArmSlide(Slide):
 
     def move(self, data: mujoco.MjData, way: SurfaceWay, rows: NDArray[np.intp]) -> Motion | str:
         """See `Slide.move`."""
-        q = self._configurations(data.qpos[self._chain.columns].copy(), way)
-        if isinstance(q, str):
-            return q
-        checked = self._paths.slide(q, way.places_m, way.beams)
-        if not checked.is_free:
-            return checked.reason
+        planned = self.planned(data.qpos[self._chain.columns].copy(), way)
+        if isinstance(planned, str):
+            return planned
         if self._timer is None:
-            timed = self._estimated(q, way)
+            timed = self._estimated(planned.q, way)
         else:
-            timed = self._timer.time(checked.curves[0], tip_speed_m_s=self._speed, dt_s=RECORD_DT_S)
+            timed = self._timer.time(planned.curve, tip_speed_m_s=self._speed, dt_s=RECORD_DT_S)
         states, tips_m = self._chain.full(timed.q), self._chain.forward(timed.q).tips_m
         data.qpos[:] = states[-1]
         mujoco.mj_fwdPosition(data.model, data)
@@ -114,8 +128,26 @@ class ArmSlide(Slide):
             tips_m=tips_m,
             phases=np.full(len(states), Phase.SWEEP, dtype=np.int8),
             joint_travel_rad=joint_travel_rad(data.model, states),
-            passed_rows=tuple(_rows_at(tips_m, way.along_m[rows] / way.along_m[-1])),
+            passed_rows=tuple(rows_at(tips_m, way.along_m[rows] / way.along_m[-1])),
         )
+
+    @property
+    def chain(self) -> Chain:
+        """The arm."""
+        return self._chain
+
+    def planned(self, q_start: NDArray[np.float64], way: SurfaceWay) -> PlannedSlide | str:
+        """A way on the surface, checked, or why there is none.
+
+        Args:
+            q_start: The chain's configuration at its beginning, shape (n,).
+            way: The way.
+        """
+        q = self._configurations(q_start, way)
+        if isinstance(q, str):
+            return q
+        checked = self._paths.slide(q, way.places_m, way.beams)
+        return PlannedSlide(q, checked.curves[0]) if checked.is_free else checked.reason
 
     def _configurations(self, q_start: NDArray[np.float64], way: SurfaceWay) -> NDArray[np.float64] | str:
         """Configurations of the chain at the places of a way, shape (K, n), or why there are none.
@@ -156,7 +188,7 @@ def _is_there(found: Descent) -> NDArray[np.bool_]:
     return (found.distance_m <= LINE_TOLERANCE_M) & (found.angle_rad <= SLIDE_TILT_RAD)
 
 
-def _rows_at(tips_m: NDArray[np.float64], shares: NDArray[np.float64]) -> list[int]:
+def rows_at(tips_m: NDArray[np.float64], shares: NDArray[np.float64]) -> list[int]:
     """The states in which the tip has come a share of its way, the last one for the whole."""
     gone_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(tips_m, axis=0), axis=1))])
     rows = [int(np.argmin(np.abs(gone_m - share * gone_m[-1]))) for share in shares]

@@ -1,6 +1,6 @@
 "use strict";
 // The three-dimensional view, in the world frame: metres, z up. It draws when something changed, never by itself.
-const PAST_STEM_M = 0.014, AXIS_M = 0.06;
+const PAST_STEM_M = 0.014, AXIS_M = 0.06, TRACE_RADIUS_M = 0.0012;
 
 // part(name) is an element of the run; onPick(step) is called for a click on a pose, and onLook for a move of the camera.
 const makeView = (data, array, histories, { part, onPick, onLook }) => {
@@ -140,19 +140,27 @@ const makeView = (data, array, histories, { part, onPick, onLook }) => {
   const placeAt = k => new THREE.Vector3(probe[16 * k + 3], probe[16 * k + 7], probe[16 * k + 11]);
   const beamAt = k => new THREE.Vector3(probe[16 * k + 2], probe[16 * k + 6], probe[16 * k + 10]);
   const past = layer();
-  const ball = new THREE.SphereGeometry(0.0026, 12, 8), ballPoints = ball.attributes.position.array, ballFaces = ball.index.array;
-  const dotPoints = new Float32Array(nSteps * ballPoints.length), dotNormals = new Float32Array(dotPoints.length), dotFaces = new Uint32Array(nSteps * ballFaces.length);
-  const stems = [];
+  // Balls of one size in one mesh; showFirst(n) of it shows the first ones alone.
+  const balls = (places, radius, name, sides) => {
+    const ball = new THREE.SphereGeometry(radius, sides, 2 * sides / 3), points = ball.attributes.position.array, corners = ball.index.array;
+    const n = places.length / 3, vertices = new Float32Array(n * points.length), normals = new Float32Array(vertices.length), faces = new Uint32Array(n * corners.length);
+    for (let k = 0; k < n; k++) {
+      normals.set(ball.attributes.normal.array, k * points.length);
+      for (let i = 0; i < points.length; i++) vertices[k * points.length + i] = points[i] + places[3 * k + i % 3];
+      for (let i = 0; i < corners.length; i++) faces[k * corners.length + i] = corners[i] + k * points.length / 3;
+    }
+    const mesh = new THREE.Mesh(surfaceGeometry(vertices, faces, normals), lit(name));
+    mesh.frustumCulled = false;
+    mesh.showFirst = count => mesh.geometry.setDrawRange(0, count * corners.length);
+    return mesh;
+  };
+  const stems = [], places = [];
   for (let k = 0; k < nSteps; k++) {
     const at = placeAt(k), end = at.clone().addScaledVector(beamAt(k), -PAST_STEM_M);
-    const xyz = at.toArray();
-    dotNormals.set(ball.attributes.normal.array, k * ballPoints.length);
-    for (let i = 0; i < ballPoints.length; i++) dotPoints[k * ballPoints.length + i] = ballPoints[i] + xyz[i % 3];
-    for (let i = 0; i < ballFaces.length; i++) dotFaces[k * ballFaces.length + i] = ballFaces[i] + k * ballPoints.length / 3;
+    places.push(...at);
     stems.push(...at, ...end);
   }
-  const dots = new THREE.Mesh(surfaceGeometry(dotPoints, dotFaces, dotNormals), lit("probe"));
-  dots.frustumCulled = false;
+  const dots = balls(places, 0.0026, "probe", 12);
   const stemLines = lines(stems, "probe", 0.8);
   stemLines.frustumCulled = false;
   past.add(dots, stemLines);
@@ -199,6 +207,48 @@ const makeView = (data, array, histories, { part, onPick, onLook }) => {
     wayLine = new THREE.Line(geometry, stroke("ink", 0.4));
     wayLine.frustumCulled = false;
     way.add(wayLine);
+  }
+
+  // The way on the organ, coloured by time, and the readings on it.
+  const traced = layer();
+  let trace = null;
+  if (data.trace) {
+    const pieces = array(data.trace.pieces), tints = array(data.trace.colours), n = pieces.length / 6, sides = 4, each = 2 * sides;
+    const vertices = new Float32Array(3 * each * n), normals = new Float32Array(3 * each * n), colours = new Float32Array(3 * each * n), faces = new Uint32Array(6 * sides * n);
+    for (let k = 0; k < n; k++) {
+      const ends = [0, 3].map(at => new THREE.Vector3().fromArray(pieces, 6 * k + at));
+      const along = ends[1].clone().sub(ends[0]).normalize();
+      const u = new THREE.Vector3(0, 0, 1).cross(along);
+      if (u.length() < 1e-3) u.set(1, 0, 0);
+      u.normalize();
+      const v = along.clone().cross(u);
+      for (let i = 0; i < each; i++) {
+        const turn = Math.PI * (2 * (i % sides) + 1) / sides, at = 3 * (each * k + i);
+        const out = u.clone().multiplyScalar(Math.cos(turn)).addScaledVector(v, Math.sin(turn));
+        out.toArray(normals, at);
+        ends[Math.floor(i / sides)].clone().addScaledVector(out, TRACE_RADIUS_M).toArray(vertices, at);
+        colours.set(tints.subarray(3 * k, 3 * k + 3), at);
+      }
+      for (let i = 0; i < sides; i++) {
+        const a = each * k + i, b = each * k + (i + 1) % sides;
+        faces.set([a, b, a + sides, b, b + sides, a + sides], 6 * (sides * k + i));
+      }
+    }
+    const geometry = surfaceGeometry(vertices, faces, normals);
+    geometry.setAttribute("tint", attribute(colours));
+    const mesh = new THREE.Mesh(geometry, program(
+      {},
+      "uniform mat4 modelViewMatrix, projectionMatrix; uniform mat3 normalMatrix; in vec3 position, normal, tint; out vec3 c; void main() { c = tint * (0.8 + 0.2 * normalize(normalMatrix * normal).z); gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
+      "in vec3 c; out vec4 seen; void main() { seen = vec4(c, 1.0); }",
+      { side: THREE.DoubleSide },
+    ));
+    mesh.frustumCulled = false;
+    const readings = balls(array(data.trace.readings), 0.0016, "ink", 9);
+    traced.add(mesh, readings);
+    trace = { showFirst: step => {
+      geometry.setDrawRange(0, step > 0 ? 6 * sides * data.trace.ends[Math.min(step, data.trace.ends.length) - 1] : 0);
+      readings.showFirst(step > 0 ? data.trace.read[Math.min(step, data.trace.read.length) - 1] : 0);
+    } };
   }
 
   // Poses that could not be taken: crosses.
@@ -423,7 +473,8 @@ const makeView = (data, array, histories, { part, onPick, onLook }) => {
   };
   const setStep = (step, moveMs = 0) => {
     state.step = step;
-    dots.geometry.setDrawRange(0, step * ballFaces.length);
+    dots.showFirst(step);
+    if (trace) trace.showFirst(step);
     stemLines.geometry.setDrawRange(0, 2 * step);
     crossLines.geometry.setDrawRange(0, 8 * data.skipped.filter(([at]) => at <= Math.max(step, 1)).length * (step > 0));
     cone.visible = tipFrame.visible = step > 0;
@@ -476,9 +527,9 @@ const makeView = (data, array, histories, { part, onPick, onLook }) => {
     ["structures", "Vessels and the like", structures, "structure", namesOf(false)],
     ["keepouts", "Must not be pressed", keepouts, "keepout", namesOf(true)],
     ["poses", "Sensing poses", past, "probe"], ["cone", "Cone", sweep, "probe"], ["arm", data.base ? "Arm" : "Probe", arm, null],
-    ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
+    ["trace", "Way on the organ", traced, null, "from dark violet at the beginning to yellow at the end, with a ball at each reading"], ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
     ["frames", "Axes", frames, null], ["table", "Table", table, null],
-  ].filter(([name, , group]) => !(["structures", "keepouts"].includes(name) && !group.children.length) && !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine)
+  ].filter(([name, , group]) => !(["structures", "keepouts"].includes(name) && !group.children.length) && !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine) && !(name === "trace" && !trace)
     && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length)
     && !(name === "target-truth" && !data.target) && !(name === "target-map" && !(data.target && data.target.map)));
   way.visible = false;

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from sim.colours import INK, MAP, PROBE, rgba
+from sim.colours import INK, MAP, PROBE, rgba, trace_rgb
 from sim.world.scene.scene import Group, Scene
 
 from .extent import arm_corners_m, organ_corners_m, probe_corners_m
@@ -24,8 +24,6 @@ CURRENT_RGBA = (0.97, 0.98, 0.98, 1.0)
 CELL_RGBA = rgba(MAP, 0.85)
 PATH_RGBA = rgba(INK, 0.9)
 DOT_SHARE, PATH_SHARE, TRACE_SHARE = 0.009, 0.003, 0.004
-TRACE_RGB = ((0.27, 0.13, 0.99), (0.0, 0.57, 0.91), (0.33, 0.55, 0.14))
-"""Red, green and blue of a trace at its oldest, in its middle and at its newest: the ends and the middle of viridis."""
 """Radii of the dots and of the tip's way, as shares of the organ's size."""
 SAMPLES = 2
 """Samples a pixel along each axis. On a software renderer the larger picture takes less time than MuJoCo's own samples,
@@ -262,16 +260,11 @@ def _draw(scene: mujoco.MjvScene, overlay: Overlay, size_m: float) -> None:
     for age, (start_m, end_m) in zip(
         np.linspace(0.0, 1.0, len(overlay.trace_m)), overlay.trace_m, strict=True
     ):
-        geom = _add_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), start_m, _trace_rgba(float(age)))
+        colour = (*trace_rgb(float(age)), 1.0)
+        geom = _add_geom(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), start_m, colour)
         if geom is not None:
             width_m = TRACE_SHARE * size_m
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, width_m, start_m, end_m)
-
-
-def _trace_rgba(age: float) -> tuple[float, float, float, float]:
-    """The colour of a piece of a trace, from dark blue for the oldest, 0, to yellow for the newest, 1."""
-    red, green, blue = (float(np.interp(age, (0.0, 0.5, 1.0), each)) for each in TRACE_RGB)
-    return red, green, blue, 1.0
 
 
 def _add_geom(

@@ -15,6 +15,8 @@ from sim.episode.setup import build_setup
 from sim.findings.evidence import EpisodeWitness, Evidence
 from sim.record.recording import read_recording
 from sim.record.run_record import load_run
+from sim.report.packing import Pack
+from sim.report.view_data import view_data
 from sim.running.fields import config_of
 from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode
@@ -89,7 +91,9 @@ def test_a_recording_is_as_long_as_the_procedure(run, episode) -> None:
     [
         (["--read-every-mm", "1"], "--read-every-mm 1.0: at 40 mm/s that is 40 readings a second"),
         (["--sweep-speed-mm-s", "900"], "must be from 1 to 250"),
-        (["--arm", "default", "--motion", "servo"], "a sweep is not moved by servos yet"),
+        (["--arm", "default", "--motion", "servo"], "holds a force in a sweep. Name it (--press-n)"),
+        (["--arm", "default", "--motion", "servo", "--press-n", "9"], "must be above 0 and below the 5 N"),
+        (["--press-n", "2"], "--press-n 2.0"),
         (["--registration-mm", "5"], "takes the organ to be rigid"),
         (["--sensor", "ultrasound"], "tilts the probe for each reading"),
     ],
@@ -106,3 +110,26 @@ def test_what_a_sweep_cannot_do_is_refused(tmp_path, capsys, words, told) -> Non
 def test_an_option_of_sweeps_means_nothing_without_one(tmp_path, capsys) -> None:
     assert main(["episode", "--read-every-mm", "5", "--out", str(tmp_path / "run")]) == 2
     assert "means nothing without --sense sweep" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_recording_tells_the_trace_and_the_readings_by_time(run, episode) -> None:
+    recording, steps = read_recording(run), episode[1]
+    trace = recording.trace()
+    lengths_m = np.linalg.norm(trace.pieces_m[:, 1] - trace.pieces_m[:, 0], axis=1)
+    gone_m = sum(step.sweep.contact_path_m for step in steps)
+    # Pieces are chords of ways with a place every 2 mm or so, of which several are one piece.
+    assert 0.98 * gone_m <= lengths_m.sum() <= gone_m + 1e-9
+    assert np.diff(trace.end_s).min() > 0.0
+    first_s = steps[0].motion.motion_s + steps[1].motion.motion_s
+    assert len(recording.read_m(first_s)) == sum(step.sweep.n_readings for step in steps[:2])
+    assert len(recording.read_m(recording.duration_s)) == sum(step.sweep.n_readings for step in steps)
+    assert (recording.trace(first_s).end_s <= first_s).all()
+
+
+def test_a_report_has_the_trace_and_the_readings_of_each_action(run, episode) -> None:
+    pack = Pack()
+    told = view_data(load_run(run), pack)["trace"]
+    counts = np.cumsum([step.sweep.n_readings for step in episode[1]])
+    assert told["read"] == counts.tolist()
+    assert told["ends"][-1] == len(read_recording(run).trace().end_s)
+    assert told["ends"] == sorted(told["ends"])

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from geom_surface import geom_triangles, least_signed_distances_m
 from planted_run import ball
+from sparse_sphere import nearest, sparse
 
 from planner import Planner, Situation
 from planner.paths.roadmap import Roadmap
 from sim.episode.episode import Episode
 from sim.episode.moving.motion import Phase
-from sim.episode.positioner import ArmPositioner, FreePositioner
 from sim.episode.setup import Setup
 from sim.episode.sweeping.ground import Ground, ground_of
 from sim.episode.sweeping.making import make_sweep_motion
@@ -45,25 +45,8 @@ class Fixed(Planner):
         return (pose for pose in self.poses if pose not in situation.sensed)
 
 
-def nearest(setup: Setup, x_m: float, y_m: float) -> int:
-    """The pose above a place, told from the organ's middle."""
-    place_m = setup.organ.bounds_m.mean(axis=0)[:2] + np.array([x_m, y_m])
-    return int(np.argmin(np.linalg.norm(setup.workspace.positions_m[:, :2] - place_m, axis=1)))
-
-
 def sweep(setup: Setup, kind: MotionKind = "none", settings: SweepSettings = SETTINGS) -> SweepMotion:
     return make_sweep_motion(ground_of(setup), kind, settings, SPEEDS)
-
-
-def sparse(setup: Setup, poses: np.ndarray | None = None) -> Setup:
-    """A setup of fewer poses: by default of every third row and column of the grid of `sphere`, 4.5 mm apart."""
-    if poses is None:
-        poses = np.arange(setup.workspace.n_poses).reshape(120, 120)[::3, ::3].ravel()
-    workspace = setup.workspace.part(poses)
-    if isinstance(setup.positioner, ArmPositioner):
-        distance = setup.positioner.search.clearance.organ_distance
-        return replace(setup, workspace=workspace, positioner=ArmPositioner(setup.scene, workspace, distance))
-    return replace(setup, workspace=workspace, positioner=FreePositioner(setup.scene, workspace))
 
 
 @pytest.fixture(scope="module")

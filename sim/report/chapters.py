@@ -182,6 +182,7 @@ def _arm(record: RunRecord) -> dict[str, Any] | None:
         ("Angle error [°]", np.rad2deg(record.numbers("angle_error_rad")), "angle"),
         ("Tracking error [mm]", record.numbers("tracking_error_m") * 1e3, "tracking"),
         ("Contact force [N]", record.numbers("contact_force_n"), "force"),
+        ("Force beside the one wanted [N]", np.abs(record.numbers("force_error_n")), "force-error"),
         ("Motion to the pose [s]", record.numbers("motion_s"), "motion"),
     ]
     kept = [each for each in series if np.isfinite(each[1]).any()]

@@ -2,6 +2,7 @@
 
     .venv/bin/python -m benchmarks.body [--scenario liver] [--cases ideal registration ...] [--steps 30] [--seeds 8]
         [--first 0] [--ways none contacts] [--arm none] [--motion kinematic] [--jobs 2] [--out renders/body.jsonl]
+        [--register-above-mm 3]
 
 Each case but `ideal` runs twice on the same seeds: it believes the plan (`--register none`), or learns from contacts.
 The error is the mean distance between where the tumours are believed to lie and where they do: medians over the seeds
@@ -106,6 +107,8 @@ class Options:
     """How an arm moves: along its timed path, or by servos that press with a force, of which the largest error at the
     time of sensing is printed."""
     jobs: int = 2
+    register_above_mm: float | None = None
+    """Actions are spent on registering as long as the organ is believed to be off by more than this; None for never."""
     out: Path = Path("renders/body.jsonl")
     """File that keeps every episode."""
 
@@ -124,6 +127,8 @@ def _parts(options: Options, case: Case, register: str, seed: int) -> EpisodePar
         "seed": seed,
     }
     run["motion"] = "none" if options.arm == "none" else options.motion
+    if register == "contacts":
+        run["register_above_mm"] = options.register_above_mm
     return make_parts(changed(EpisodeConfig(), register=register, **run, **CASES[case]))
 
 
@@ -136,6 +141,8 @@ def settings_of(run: Run, options: Options) -> dict[str, Any]:
         "arm": options.arm,
         "motion": options.motion,
     }
+    if register == "contacts" and options.register_above_mm is not None:
+        kept["register_above_mm"] = options.register_above_mm
     return {"case": case, "register": register, "seed": seed, **kept, "wrong": CASES[case]}
 
 

@@ -1,32 +1,44 @@
 """What is left of the map when the organ is not where the plan says, with and without a belief about where it lies?
 
     .venv/bin/python -m benchmarks.body [--scenario liver] [--cases ideal registration ...] [--steps 30] [--seeds 8]
-        [--first 0] [--ways none contacts] [--arm none] [--motion kinematic] [--jobs 2]
+        [--first 0] [--ways none contacts] [--arm none] [--motion kinematic] [--jobs 2] [--out renders/body.jsonl]
+        [--register-above-mm 3]
 
 Each case but `ideal` runs twice on the same seeds: it believes the plan (`--register none`), or learns from contacts.
 The error is the mean distance between where the tumours are believed to lie and where they do: medians over the seeds
 after 10 actions and after all. `in 95 %` is the share of tumours that lay, after 10 actions, in the ellipsoid that the
-belief states for 95 %. The extra time is what an action computes beyond the ideal world's, planner, simulated world and
+belief states for 95 %. Calibration error and slope are those of the last map over the points in doubt, with
+0.02 < p < 0.98, of all seeds together (`benchmarks.calibration`): a slope of 1 is calibrated, above 1 too timid. The
+extra time is what an action computes beyond the ideal world's, planner, simulated world and
 map together, in seconds of the process and not of the clock: the median of all actions of all seeds less that of the
 ideal world, and, since readings are laid anew in fewer than half of the actions, the same of the means. Other work on
-the machine makes both larger. The row of `ideal` has its own; without that case nothing is taken off.
+the machine makes both larger. The row of `ideal` has its own; without that case nothing is taken off. The file `--out`
+keeps each episode as it ends, so that the table can be run in pieces: what is in the file is not run again. A change of
+the code needs a new file.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from pathlib import Path
 from time import process_time
 from typing import Any, Literal, get_args
 
 import numpy as np
 import tyro
 from numpy.typing import NDArray
+from scipy.special import expit
 from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
+from benchmarks.calibration import calibration_slope
+from mapping import expected_calibration_error
+from sim.campaign.journal import Entry, Journal
+from sim.campaign.study import key_of
 from sim.comparison.estimates import mean_estimate
 from sim.comparison.texts import interval_text
+from sim.episode.episode import Episode
 from sim.episode.moving.motion import Motion
 from sim.episode.setup import Setup, build_setup
 from sim.findings.evidence import EpisodeWitness
@@ -45,6 +57,7 @@ CASES: dict[str, dict[str, Any]] = {
     "scatter": {"tracking_mm": 3.0},
     "breathing": {"breathing_mm": 8.0},
     "pressed": {"tissue": "elastic", "press_n": 1.0},
+    "pressed-3": {"tissue": "elastic", "press_n": 3.0},
     "together": {
         "registration_mm": 5.0, "registration_deg": 2.0, "tracking_mm": 1.0, "breathing_mm": 8.0, "gating": True,
         "tissue": "elastic",
@@ -53,8 +66,27 @@ CASES: dict[str, dict[str, Any]] = {
 CASES["everything"] = CASES["together"] | {"sensor": "cone-with-errors", "reader": "published"}
 """What is wrong with the plan in each case."""
 Way = Literal["none", "contacts"]
-Case = Literal["ideal", "registration", "offset", "scatter", "breathing", "pressed", "together", "everything"]
+Case = Literal[
+    "ideal",
+    "registration",
+    "offset",
+    "scatter",
+    "breathing",
+    "pressed",
+    "pressed-3",
+    "together",
+    "everything",
+]
+Run = tuple[Case, str, int]
+"""Case, way to register and seed of an episode."""
 EARLY = 10
+DOUBT = 0.02
+"""A point is in doubt where its probability is farther than this from 0 and from 1."""
+HEAD = (
+    "what is wrong", "believed", "AUPRC", "sensed", "10 mm and more found", "false a run",
+    f"error after {EARLY} [mm]", "at the end [mm]", "in 95 %", "calibration error / slope (points in doubt)",
+    "extra time an action, median (mean) [ms]",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +107,10 @@ class Options:
     """How an arm moves: along its timed path, or by servos that press with a force, of which the largest error at the
     time of sensing is printed."""
     jobs: int = 2
+    register_above_mm: float | None = None
+    """Actions are spent on registering as long as the organ is believed to be off by more than this; None for never."""
+    out: Path = Path("renders/body.jsonl")
+    """File that keeps every episode."""
 
 
 @lru_cache(maxsize=1)
@@ -91,10 +127,26 @@ def _parts(options: Options, case: Case, register: str, seed: int) -> EpisodePar
         "seed": seed,
     }
     run["motion"] = "none" if options.arm == "none" else options.motion
+    if register == "contacts":
+        run["register_above_mm"] = options.register_above_mm
     return make_parts(changed(EpisodeConfig(), register=register, **run, **CASES[case]))
 
 
-def play(run: tuple[Case, str, int], *, options: Options) -> dict[str, Any]:
+def settings_of(run: Run, options: Options) -> dict[str, Any]:
+    """The settings by which an episode is known in the file that keeps it."""
+    case, register, seed = run
+    kept = {
+        "scenario": options.scenario,
+        "steps": options.steps,
+        "arm": options.arm,
+        "motion": options.motion,
+    }
+    if register == "contacts" and options.register_above_mm is not None:
+        kept["register_above_mm"] = options.register_above_mm
+    return {"case": case, "register": register, "seed": seed, **kept, "wrong": CASES[case]}
+
+
+def play(run: Run, *, options: Options) -> Entry:
     """What became of one episode."""
     with threadpool_limits(1):
         parts = _parts(options, *run)
@@ -109,7 +161,7 @@ def play(run: tuple[Case, str, int], *, options: Options) -> dict[str, Any]:
         findings = find(witness.evidence())
     early, last = steps[min(EARLY, len(steps)) - 1].body, steps[-1].body
     large = [each.is_found for each in findings.tumours if each.diameter_m >= 0.01]
-    return {
+    row = {
         "auprc": steps[-1].auprc,
         "sensed": steps[-1].sensed_fraction,
         "found": (sum(map(bool, large)), len(large)),
@@ -119,7 +171,30 @@ def play(run: tuple[Case, str, int], *, options: Options) -> dict[str, Any]:
         "inside": None if early is None else early.registration_within_share,
         "force_off": max((force_off(step.motion) for step in steps), default=0.0),
         "actions_s": actions_s,
+        **in_doubt(episode),
     }
+    return {"settings": settings_of(run, options), "row": {"status": "finished", **row}}
+
+
+def in_doubt(episode: Episode) -> dict[str, list[float] | list[bool]]:
+    """The log-odds of the last map at its points in doubt, and whether these are tumour."""
+    assert episode.prediction is not None
+    probability = episode.prediction.probability
+    doubt = (probability > DOUBT) & (probability < 1.0 - DOUBT)
+    log_odds = episode.prediction.score[doubt].round(5).tolist()
+    return {"log_odds": log_odds, "is_tumour": episode.truth.is_tumour[doubt].tolist()}
+
+
+def calibration_text(runs: list[dict[str, Any]]) -> str:
+    """Calibration error and slope over the points in doubt of some episodes, and how many these are."""
+    log_odds, is_tumour = (
+        np.concatenate([each[name] for each in runs]) for name in ("log_odds", "is_tumour")
+    )
+    if not 0 < is_tumour.sum() < is_tumour.size:
+        return "-"
+    error = expected_calibration_error(expit(log_odds), is_tumour.astype(bool))
+    slope = calibration_slope(log_odds, is_tumour.astype(bool))
+    return f"{error:.3f} / {slope:.2f} ({log_odds.size:,})"
 
 
 def force_off(motion: Motion) -> float:
@@ -152,36 +227,44 @@ def row(case: Case, register: str, runs: list[dict[str, Any]], ideal_s: NDArray[
         f"{np.median([each['early_mm'] for each in runs]):.2f}",
         f"{np.median([each['late_mm'] for each in runs]):.2f}",
         f"{np.mean(inside):.2f}" if inside else "-",
+        calibration_text(runs),
         f"{median_ms:{sign}.0f} ({mean_ms:{sign}.0f})",
     ]
 
 
 def main(options: Options) -> None:
-    """Run the cases and print the table."""
-    head = (
-        "what is wrong", "believed", "AUPRC", "sensed", "10 mm and more found", "false a run",
-        f"error after {EARLY} [mm]", "at the end [mm]", "in 95 %", "extra time an action, median (mean) [ms]",
-    )  # fmt: skip
+    """Run the episodes that the file lacks, and print the table."""
     ways: list[tuple[Case, Way]] = [
         (c, r) for c in options.cases for r in (("none",) if c == "ideal" else options.ways)
     ]
     seeds = range(options.first, options.first + options.seeds)
     rows, ideal_s = [], np.zeros(2)
-    with Workers[tuple[Case, str, int], dict[str, Any]](
-        partial(play, options=options), n_jobs=options.jobs
-    ) as workers:
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    with (
+        Workers[Run, Entry](partial(play, options=options), n_jobs=options.jobs) as workers,
+        Journal(options.out) as journal,
+    ):
         for case, register in ways:
-            todo: list[tuple[Case, str, int]] = [(case, register, seed) for seed in seeds]
-            runs = list(
-                tqdm(workers.in_order(todo, lost="one episode."), total=len(todo), desc=f"{case} {register}")
-            )
+            runs = played([(case, register, seed) for seed in seeds], workers, journal, options)
             rows.append(row(case, register, runs, ideal_s))
             if options.motion == "servo":
                 print(f"force off by at most {max(each['force_off'] for each in runs):.2%}")
             if case == "ideal":
                 ideal_s = seconds(runs)
             print(" | ".join(rows[-1]), flush=True)
-    print(markdown_table(head, rows))
+    print(markdown_table(HEAD, rows))
+
+
+def played(
+    todo: list[Run], workers: Workers[Run, Entry], journal: Journal, options: Options
+) -> list[dict[str, Any]]:
+    """What became of some episodes, in their order, of which only those are run that the journal lacks."""
+    keys = {run: key_of(settings_of(run, options)) for run in todo}
+    missing = [run for run in todo if keys[run] not in journal]
+    bar = tqdm(workers.in_order(missing, lost="one episode."), total=len(missing), desc=" ".join(todo[0][:2]))
+    for entry in bar:
+        journal.append(entry)
+    return [entry["row"] for entry in journal.entries([keys[run] for run in todo])]
 
 
 if __name__ == "__main__":

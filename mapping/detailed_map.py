@@ -90,19 +90,28 @@ class DetailedMap:
         self._learn(LabelledPoints(check_points(points_m).copy(), labels, said, counted))
         return report
 
-    def lay_labels(self, readings: Sequence[LabelledPoints]) -> None:
+    def lay_labels(self, readings: Sequence[LabelledPoints], *, is_far: bool = False) -> bool:
         """Has the readings so far lie elsewhere near tumour, and takes in those that come after them.
 
         The coarse map keeps those that it has where they were, so their moves have to be small beside the spacing of
-        its hinges. Into a map without readings all are laid as `update` would lay them one after the other.
+        its hinges; unless they are far, when it lays them anew too (`HilbertMap.lay`). Into a map without readings all
+        are laid as `update` would lay them one after the other.
 
         Args:
             readings: The same readings, in their order, at other places, and then the new ones.
+            is_far: Whether they have moved too far for the coarse map to keep them where they were.
+
+        Returns:
+            Whether it did; a coarse map that cannot lay them anew leaves all as it was.
         """
-        for each in readings[len(self._readings) :]:
+        n_before = len(self._readings)
+        if is_far and not self.coarse.lay([each.points_m for each in readings[:n_before]]):
+            return False
+        for each in readings[n_before:]:
             self.coarse.update(each.points_m, each.is_occupied, log_odds=each.log_odds, weight=each.weight)
         self._readings = list(readings)
         self._detail.learn_anew(self._readings)
+        return True
 
     def revise(self, n_sweeps: int = 1) -> float:
         """Fits every reading again as `HilbertMap.revise` does; the detail never depends on their order."""

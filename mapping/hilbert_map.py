@@ -9,7 +9,7 @@ The paper's likelihood is sigma(w Psi^T(x)), without the offset b(x). Here b(x) 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
@@ -21,7 +21,7 @@ from .belief.belief import Belief, UpdateReport
 from .belief.diagonal import DiagonalBelief
 from .belief.full import FullBelief
 from .kernel import HingeFeatures
-from .lattice import Lattice, MaskedLattice, check_points
+from .lattice import Lattice, MaskedLattice, check_points, lattice_from, lattice_state
 from .likelihood import evidence_of, prior_offset
 from .prediction import Prediction
 from .settings import MapSettings
@@ -144,6 +144,22 @@ class HilbertMap:
         return [self._belief.revise() for _ in range(n_sweeps)][-1]
 
     @one_blas_thread()
+    def lay(self, points_m: Sequence[NDArray[np.float64]]) -> bool:
+        """Has the readings so far lie elsewhere, at the cost of some four of them however many they are.
+
+        Each label keeps what it says, with the xi and the expected truth with which it was taken in.
+
+        Args:
+            points_m: Where the points of each reading now lie [m], shapes (n, 3), in their order.
+
+        Returns:
+            Whether it did. A map that is not of the form `full`, or of which a reading lay beyond all hinges, cannot
+            and stays as it is.
+        """
+        some = [check_points(each) for each in points_m if len(each)]
+        return self._belief.lay(some, [self._offset(each) for each in some])
+
+    @one_blas_thread()
     def predict(self, points_m: ArrayLike) -> Prediction:
         """The belief at any points [m], shape (N, 3)."""
         points = check_points(points_m)
@@ -216,9 +232,9 @@ class HilbertMap:
 
     def state(self) -> dict[str, NDArray]:
         """The arrays that make up the map, as a file holds them; carried samples are not among them."""
-        lattices = _lattice_state("hinges", self.hinges)
+        lattices = lattice_state("hinges", self.hinges)
         if self._query is not None:
-            lattices |= _lattice_state("query", self._query.lattice)
+            lattices |= lattice_state("query", self._query.lattice)
             if self._query.mask is not None:
                 lattices["query_mask"] = self._query.mask
         return {
@@ -238,9 +254,9 @@ class HilbertMap:
             TypeError: If the settings are not those of a map.
         """
         restored = cls(
-            _lattice_from(state, "hinges"),
+            lattice_from(state, "hinges"),
             MapSettings(**json.loads(str(state["settings"]))),
-            query=_lattice_from(state, "query") if "query_x_m" in state else None,
+            query=lattice_from(state, "query") if "query_x_m" in state else None,
             query_mask=state.get("query_mask"),
             hinge_mask=state["hinge_mask"],
         )
@@ -256,14 +272,6 @@ class HilbertMap:
         x, y, z = (np.einsum("ni,ni->n", factor, factor) for factor in self._features.on_lattice(query))
         variance = self.settings.weight_variance * (x[:, None, None] * y[:, None] * z).ravel()
         return prior_offset(self.settings.prior_prevalence, variance)
-
-
-def _lattice_state(name: str, lattice: Lattice) -> dict[str, NDArray]:
-    return {f"{name}_{letter}_m": axis for letter, axis in zip("xyz", lattice.axes_m, strict=True)}
-
-
-def _lattice_from(state: Mapping[str, NDArray], name: str) -> Lattice:
-    return Lattice((state[f"{name}_x_m"], state[f"{name}_y_m"], state[f"{name}_z_m"]))
 
 
 def _make_belief(features: HingeFeatures, settings: MapSettings, query: MaskedLattice | None) -> Belief:

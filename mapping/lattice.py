@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,3 +153,13 @@ def check_points(points_m: ArrayLike) -> NDArray[np.float64]:
         bad = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
         raise ValueError(f"points_m must be finite, but point {bad} is {points[bad]}")
     return points
+
+
+def lattice_state(name: str, lattice: Lattice) -> dict[str, NDArray]:
+    """The axes of a lattice as arrays of a file."""
+    return {f"{name}_{letter}_m": axis for letter, axis in zip("xyz", lattice.axes_m, strict=True)}
+
+
+def lattice_from(state: Mapping[str, NDArray], name: str) -> Lattice:
+    """The lattice whose arrays `lattice_state` gave under a name."""
+    return Lattice((state[f"{name}_x_m"], state[f"{name}_y_m"], state[f"{name}_z_m"]))

@@ -26,6 +26,7 @@ from .find_and_outline.planner import FindAndOutline
 from .multi_resolution import MultiResolution
 from .planner import Planner
 from .random_order import RandomOrder
+from .registering import registering_first
 from .registry import (
     confident_planner_names,
     make_planner,
@@ -33,7 +34,7 @@ from .registry import (
     planner_names,
     weighing_planner_names,
 )
-from .situation import Situation
+from .situation import PlaceBelief, Situation
 from .stopping.lesion_prior import LesionPrior
 from .stopping.what_is_left import WhatIsLeft
 from .trained import Trained
@@ -49,6 +50,7 @@ __all__ = [
     "LesionPrior",
     "MultiResolution",
     "MutualInformation",
+    "PlaceBelief",
     "Planner",
     "PlannerError",
     "ProbabilityOfImprovement",
@@ -68,6 +70,7 @@ __all__ = [
     "planner_class",
     "planner_names",
     "probability_variance",
+    "registering_first",
     "scattered_poses",
     "upper_confidence_bound",
     "visibility",

@@ -17,6 +17,18 @@ _TIP_SPEED_M_S = 0.25
 """Speed of the tip of a probe of whose motion nothing is known [m/s]."""
 
 
+@dataclass(frozen=True, eq=False)
+class PlaceBelief:
+    """What is believed of how far the organ lies from where it is taken to lie."""
+
+    deviation_m: float
+    """How far points of the organ are believed to be off, a root mean square [m]."""
+    contact_gains_m2: Callable[[], NDArray[np.float64]]
+    """By how much one contact at each pose is expected to lower the square of that [m^2], shape (N,) for N poses."""
+    register_above_m: float = np.inf
+    """How far off they have to be for an action to be spent on registering [m]."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Situation:
     """The state of an episode between two sensing actions, as a planner sees it."""
@@ -62,6 +74,8 @@ class Situation:
     """Way of the tip on the roadmap from one reading to the next [m]."""
     draw_map: Callable[[np.random.Generator], NDArray[np.float64]] | None = None
     """Draws the latent at all search points jointly from the belief, shape (M,); None where the map cannot."""
+    place: PlaceBelief | None = None
+    """What is believed of where the organ lies; None where it lies as planned, or nothing tells."""
     rng: np.random.Generator
     """The planner's own stream of randomness."""
 

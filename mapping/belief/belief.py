@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -82,6 +82,18 @@ class Belief(ABC):
         Raises:
             ValueError: If the form keeps no readings.
         """
+
+    def lay(self, points_m: Sequence[NDArray[np.float64]], offsets: Sequence[NDArray[np.float64]]) -> bool:
+        """Has the readings that it holds lie elsewhere, each label saying of its new place what it said of the old.
+
+        Args:
+            points_m: Where the points of each now lie [m], shapes (n, 3).
+            offsets: The latent's offset b there, shapes (n,).
+
+        Returns:
+            Whether it did; a form that does not keep what it has learnt of each label cannot.
+        """
+        return False
 
     @abstractmethod
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky
+from scipy.linalg import cho_factor, cho_solve, cholesky, get_lapack_funcs
 
 from ..kernel import HingeFeatures
 from ..storage import checked_array
 from .carried_variance import CarriedVariance
 from .kept_covariance import KeptCovariance
+from .pair_features import PairFeatures
 
 # Hinges beyond a reading's own, along x, that may covary with them: the correlation halves with each.
 _MARGIN = 6
@@ -100,6 +101,38 @@ class DenseCovariance(KeptCovariance):
         """Draws about zero with this covariance, shape (M, n_samples)."""
         factor = cholesky(self.matrix.astype(np.float64), lower=True, check_finite=False)
         return factor @ rng.standard_normal((len(self.matrix), n_samples))
+
+    def become(
+        self, precision: NDArray[np.float64], information: NDArray[np.float64], pairs: PairFeatures
+    ) -> NDArray[np.float64]:
+        """Becomes the inverse of a precision P, and the variance that is carried what follows from it.
+
+        Args:
+            precision: P, shape (M, M).
+            information: P mu, shape (M,).
+            pairs: The products of two features.
+
+        Returns:
+            mu, shape (M,).
+        """
+        # The transpose, which is the same matrix, lies in memory as LAPACK wants it.
+        P = precision.astype(self._precision).T
+        factor = cho_factor(P, lower=True, overwrite_a=True, check_finite=False)
+        mean = cho_solve(factor, information.astype(self._precision)).astype(np.float64)
+        # One step of refinement makes up for what single precision lost.
+        mean += cho_solve(factor, (information - precision @ mean).astype(self._precision))
+        (invert,) = get_lapack_funcs(("potri",), factor[:1])
+        inverse, _ = invert(factor[0], lower=True, overwrite_c=True)
+        above = inverse.T
+        for start in range(0, len(above), _PANEL):
+            here = slice(start, start + _PANEL)
+            corner = np.triu(above[here, here])
+            self.matrix[here, here] = corner + np.triu(corner, 1).T
+            self.matrix[here, here.stop :] = above[here, here.stop :]
+            self.matrix[here.stop :, here] = above[here, here.stop :].T
+        if self._carried is not None:
+            self._carried.values = pairs.variance_on_lattice(self.matrix, self._carried.query)
+        return mean
 
     def state(self) -> dict[str, NDArray]:
         """The lower triangle row by row, and the variance that is carried; what lies above the diagonal equals it."""

@@ -11,7 +11,7 @@ posterior has mean z' and covariance D^-1 (`variational`), and goes back to the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from .carried_variance import CarriedVariance
 from .coordinates import ReadingCoordinates, reading_coordinates
 from .dense_covariance import DenseCovariance
 from .held_readings import HeldReading, held_from, held_state
+from .pair_features import PairFeatures, summed_features
 from .reduction import Reduction, pivoted_cholesky, reduce_by_pivots, reduce_exactly
 from .samples import WeightSamples
 from .tiled_covariance import TiledCovariance
@@ -144,6 +145,30 @@ class FullBelief(Belief):
             largest = max(largest, float(np.abs(now.basis @ change.mean).max()))
             self.held[number] = replace(held, curvature=change.curvature, labels=change.labels)
         return largest
+
+    def lay(self, points_m: Sequence[NDArray[np.float64]], offsets: Sequence[NDArray[np.float64]]) -> bool:
+        """Has the readings that it holds lie elsewhere; see `Belief.lay`.
+
+        Sigma^-1 = I / s^2 + 2 sum Phi^T diag(w lambda) Phi,   Sigma^-1 mu = sum Phi^T w (y - 1/2 - 2 lambda b)
+        """
+        if not isinstance(self.covariance, DenseCovariance) or len(points_m) != len(self.held):
+            return False
+        told = zip(self.held, points_m, offsets, strict=True)
+        self.held = [replace(held, points_m=at_m, offset=offset) for held, at_m, offset in told]
+        information = np.zeros(self._features.hinges.shape)
+        for held in self.held:
+            slope = held.evidence.weight * (held.labels - 0.5 - 2.0 * held.curvature * held.offset)
+            information += summed_features(self._features.along_axes(held.points_m), slope)
+        pairs = PairFeatures(self._features)
+        precision = pairs.precision(
+            (held.points_m, 2.0 * held.evidence.weight * held.curvature) for held in self.held
+        )
+        precision[np.diag_indices_from(precision)] += 1.0 / self._settings.weight_variance
+        is_kept = self._features.weight_of_hinge >= 0
+        self.mean = self.covariance.become(precision, information.ravel()[is_kept], pairs)
+        if self._samples is not None:
+            self._samples = self._samples.drawn_anew(self.covariance)
+        return True
 
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws weights from the belief and moves them with every later reading; see `Belief.carry_samples`."""

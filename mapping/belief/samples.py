@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coordinates import ReadingCoordinates
+from .dense_covariance import DenseCovariance
 from .variational import ReadingChange, ReadingPosterior
 
 
@@ -25,6 +26,14 @@ class WeightSamples:
         """
         self.deviations = deviations
         self._rng = rng
+
+    def drawn_anew(self, covariance: DenseCovariance) -> WeightSamples:
+        """As many draws of another belief, which have nothing to do with these.
+
+        Args:
+            covariance: Its covariance.
+        """
+        return WeightSamples(covariance.draw(self.deviations.shape[1], self._rng), self._rng)
 
     def learn(self, coordinates: ReadingCoordinates, reading: ReadingPosterior) -> NDArray[np.float64]:
         """The change z' - z of each draw for a new reading, shape (r, S)."""

@@ -112,12 +112,17 @@ class RigidBelief:
         """Learn from one more contact; the belief is that of all contacts so far."""
         self.relearn([*self.contacts, contact])
 
-    def relearn(self, contacts: Sequence[Contact]) -> None:
-        """Learn from contacts in the place of all so far, beginning where the belief is."""
+    def relearn(self, contacts: Sequence[Contact], *, is_near: bool = False) -> None:
+        """Learn from contacts in the place of all so far, beginning where the belief is.
+
+        Args:
+            contacts: The contacts.
+            is_near: Whether they are the same that were just learnt, told a little better: then it begins nowhere else.
+        """
         self.contacts = list(contacts)
         # What fits best from where the belief was, and from either side of it, where it might have got stuck.
         starts = [self.mean]
-        if len(self.contacts) <= _MANY or len(self.contacts) % _MANY == 0:
+        if not is_near and (len(self.contacts) <= _MANY or len(self.contacts) % _MANY == 0):
             starts += [*(_SIDES * self._prior_deviation[3:6] @ np.eye(3, 9, 3))]
         self._fit(np.array(starts))
 
@@ -195,11 +200,41 @@ class RigidBelief:
             points_m: Points of the organ, rest frame [m], shape (N, 3).
             inhaled_share: How much of a full breath is in it.
         """
+        J = self._place_slopes(points_m, inhaled_share)
+        return J @ self.covariance @ J.transpose(0, 2, 1)
+
+    def contact_gains_m2(
+        self, positions_m: Array, outward: Array, points_m: Array, *, noise_m: float = 0.0
+    ) -> Array:
+        """By how much one more contact at exhale lowers how far points are off, a mean square [m^2], shape (K,).
+
+        With the covariance C, the slopes A of where a point lies and h of how far a contact lies off the surface,
+
+            gain = mean |A C h|^2 / (sigma^2 + h^T C h).
+
+        Args:
+            positions_m: Where K contacts would be on the surface at rest [m], shape (K, 3).
+            outward: Its unit normals there, outward, shape (K, 3).
+            points_m: The points whose place matters, rest frame [m], shape (N, 3).
+            noise_m: Standard deviation of the tip's measured place along each axis [m].
+        """
+        R = self.T_world_rest()[:3, :3]
+        away_m, normals = (positions_m - self._middle_m) @ R.T, outward @ R.T
+        h = np.zeros((len(positions_m), 9))
+        h[:, :3] = np.cross(normals, away_m) @ _left_jacobian(self.mean[:3])
+        h[:, 3:6] = -normals
+        A = self._place_slopes(points_m, 0.0)
+        told, noise_m2 = h @ self.covariance, noise_m**2 + self._surface_m**2
+        squares = np.einsum("nij,nik->jk", A, A) / max(len(A), 1)
+        return np.einsum("kj,jl,kl->k", told, squares, told) / (noise_m2 + np.einsum("kj,kj->k", told, h))
+
+    def _place_slopes(self, points_m: Array, inhaled_share: float) -> Array:
+        """How the places of points of the organ change with the nine numbers, shape (N, 3, 9)."""
         turned_m = (points_m - self._middle_m) @ self.T_world_rest()[:3, :3].T
         J = np.zeros((len(points_m), 3, 9))
         J[:, :, :3] = -_cross_matrices(turned_m) @ _left_jacobian(self.mean[:3])
         J[:, :, 3:6], J[:, :, 6:] = np.eye(3), inhaled_share * np.eye(3)
-        return J @ self.covariance @ J.transpose(0, 2, 1)
+        return J
 
     def _residuals(self, means: Array, contacts: _Contacts) -> tuple[Array, Array]:
         """Signed distances [m] of N contacts taken back to rest by S moves, and their slopes.

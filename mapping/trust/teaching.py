@@ -10,6 +10,9 @@ from ..detailed_map import DetailedMap
 from ..labelled_points import LabelledPoints
 from ..tumour_map import TumourMap
 
+_FEW = 3
+"""Up to so many readings are sooner taught anew than moved at once."""
+
 
 def teach(tumour_map: TumourMap, labels: LabelledPoints) -> None:
     """Updates a map with labels; a map that takes no doubts gets the labels alone.
@@ -35,8 +38,8 @@ def laid_anew(
 ) -> TumourMap:
     """A map of readings that lie elsewhere than where they were taught, the last of which is new.
 
-    Where they have moved by little, a map in detail moves what decides near tumour, and keeps its coarse map. Any other
-    map is taught anew.
+    A map in detail moves what decides near tumour, and its coarse map only where they have moved by much, at once.
+    Where there are few readings, or a map can move nothing, another is taught them one after the other.
 
     Args:
         tumour_map: The map of the readings before the last, which may be changed.
@@ -45,7 +48,10 @@ def laid_anew(
         is_far: Whether some reading has moved by much since it was laid into a new map.
     """
     is_detailed = type(tumour_map) is DetailedMap
-    laid = new_map() if is_far or not is_detailed else tumour_map
+    is_soonest = not is_far or len(readings) > _FEW
+    if is_detailed and is_soonest and tumour_map.lay_labels(readings, is_far=is_far):
+        return tumour_map
+    laid = new_map()
     if isinstance(laid, DetailedMap) and is_detailed:
         laid.lay_labels(readings)
     else:

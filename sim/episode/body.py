@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mapping import LabelledPoints
-from mapping.registration import Contact, RigidBelief
+from mapping.registration import Contact, RigidBelief, most_moved_m, moved_m
+from planner import PlaceBelief
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.body.true_place import TruePlace, measured
 from sim.world.frames import rigid_inverse
@@ -26,17 +28,20 @@ from .moving.contact_motion import ContactMotion
 from .moving.encounter import Encounter
 from .moving.motion import Motion, MotionModel
 from .setup import Setup
-from .yielding import RawReading, YieldingOrgan, face_radius_m
+from .yielding import STALE_M, RawReading, YieldingOrgan, face_radius_m
 
 MOVED_M, MOVED_SHARE = 0.0005, 0.5
-"""Readings are laid anew when what is believed has moved some corner of the organ's box by more than this since [m],
-and by more than this share of how far such a corner is believed to be off."""
+"""Readings are laid anew when what is believed has moved the points of one by more than this since, a root mean square
+[m], and by more than this share of how far readings are believed to be off."""
 FAR_M = 0.002
-"""Only when it has moved by more than this [m] since a new map was made, another is: up to there a map in detail moves
-nothing but its answers near tumour. Its other answers are as smooth as its hinges are wide apart, 11 mm."""
+"""Only when they have moved by more than this [m] since all of the map was last laid, all of it is again: up to there a
+map in detail moves nothing but its answers near tumour. Its other answers are as smooth as its hinges are wide apart,
+11 mm."""
 SURE = 0.95
 """Probability of the ellipsoid in which the belief says that a tumour lies."""
 
+_EVERY = 20
+"""One in so many points of the search space stands for the organ where it is asked how far it is believed to be off."""
 _ROUNDS = 3
 """Most times that contacts are released again by the belief that they have changed."""
 DEPTH_SHARE = 0.1
@@ -100,7 +105,7 @@ class Body:
             face_m=self._face_m,
         )
         self._raw: list[RawReading] = []
-        self._contacts_by = np.eye(4)
+        self._contacts_by, self._stale_m = np.eye(4), STALE_M
         # What took each reading back to rest when it was last laid, and when it was laid into a new map.
         self._laid_by: list[NDArray[np.float64]] = []
         self._new_by: list[NDArray[np.float64]] = []
@@ -167,15 +172,17 @@ class Body:
         if self.belief is None:
             return
         self.belief.observe(self._contact(self._raw[-1]))
+        tips_m = np.array([each.position_m for each in self.belief.contacts])
+        self._stale_m = max(STALE_M, MOVED_SHARE * self._deviation_m(tips_m))
         for _ in range(_ROUNDS):
             before = self.T_world_rest_believed(0.0)
-            if self._moved_m(before - self._contacts_by) <= MOVED_M:
+            if moved_m(self._corners_m, before - self._contacts_by).max() <= MOVED_M:
                 return
             self._contacts_by, told = before, [each.position_m for each in self.belief.contacts]
             contacts = [self._contact(raw) for raw in self._raw]
             if np.array_equal([each.position_m for each in contacts], told):
                 return
-            self.belief.relearn(contacts)
+            self.belief.relearn(contacts, is_near=True)
 
     def _contact(self, raw: RawReading) -> Contact:
         """Where the tip first met the surface, by what is believed."""
@@ -191,7 +198,7 @@ class Body:
         if self.yielding is None or self.belief is None:
             touched_m = raw.T_world_probe[:3, 3] - raw.pressed.dent_m * raw.T_world_probe[:3, 2]
             return raw.points_m, touched_m, 0.0
-        return raw.released(self.yielding, self.T_world_rest_believed(raw.share))
+        return raw.released(self.yielding, self.T_world_rest_believed(raw.share), stale_m=self._stale_m)
 
     def laid_anew(self, readings: Sequence[LabelledPoints]) -> Laid | None:
         """All readings at where they are now believed to lie; None where that is near where they lie already.
@@ -199,10 +206,11 @@ class Body:
         Args:
             readings: The readings so far, in their order.
         """
-        now, deviation_m = self._T_rest_world(), self._deviation_m()
-        if self._most_moved_m(now, self._laid_by) <= max(MOVED_M, MOVED_SHARE * deviation_m):
+        now, middles_m = self._T_rest_world(), [r.points_m.mean(axis=0) for r in readings if len(r.points_m)]
+        deviation_m = self._deviation_m(np.array(middles_m))
+        if most_moved_m(readings, now, self._laid_by) <= max(MOVED_M, MOVED_SHARE * deviation_m):
             return None
-        is_far = self._most_moved_m(now, self._new_by) > max(FAR_M, MOVED_SHARE * deviation_m)
+        is_far = most_moved_m(readings, now, self._new_by) > max(FAR_M, MOVED_SHARE * deviation_m)
         self._laid_by = list(now)
         self._new_by = list(now) if is_far else [*self._new_by[:-1], now[-1]]
         laid = [
@@ -211,27 +219,29 @@ class Body:
         ]
         return Laid(laid, is_far)
 
-    def _most_moved_m(
-        self, now: Sequence[NDArray[np.float64]], before: Sequence[NDArray[np.float64]]
-    ) -> float:
-        """How far some corner of the organ's box lies from where it was, under the moves of any reading [m]."""
-        return max(self._moved_m(T - other) for T, other in zip(now, before, strict=True))
-
-    def _moved_m(self, difference: NDArray[np.float64]) -> float:
-        """How far some corner of the organ's box lies apart under two moves, of which this is the difference [m]."""
-        off_m = self._corners_m @ difference[:3, :3].T + difference[:3, 3]
-        return float(np.linalg.norm(off_m, axis=1).max())
-
-    def _deviation_m(self) -> float:
-        """How far the corners of the organ's box are believed to be off, a root mean square [m]."""
-        if self.belief is None:
+    def _deviation_m(self, points_m: NDArray[np.float64]) -> float:
+        """How far points of the organ [m], shape (N, 3), are believed to be off, a root mean square [m]."""
+        if self.belief is None or not len(points_m):
             return 0.0
-        covariances_m2 = self.belief.place_covariance_m2(self._corners_m)
+        covariances_m2 = self.belief.place_covariance_m2(points_m)
         return float(np.sqrt(np.trace(covariances_m2, axis1=1, axis2=2).mean()))
 
     def T_world_rest_believed(self, inhaled_share: float) -> NDArray[np.float64]:
         """Where the organ is believed to lie, as the map from the rest frame to the world, shape (4, 4)."""
         return np.eye(4) if self.belief is None else self.belief.T_world_rest(inhaled_share)
+
+    def place_belief(self) -> PlaceBelief | None:
+        """What a planner may know of how well it is known where the organ lies; None where nothing tells."""
+        if self.belief is None:
+            return None
+        poses, points_m = self._setup.workspace, self._setup.search_points_m[::_EVERY]
+        # A copy, which stays as it is when the belief goes on.
+        belief, noise_m = copy(self.belief), self.options.settings.tracking_m
+
+        def gains_m2() -> NDArray[np.float64]:
+            return belief.contact_gains_m2(poses.positions_m, -poses.normals, points_m, noise_m=noise_m)
+
+        return PlaceBelief(self._deviation_m(points_m), gains_m2, self.options.register_above_m)
 
     def done(self, procedure_s: float) -> BodyScore:
         """How well it is known where the organ lies, after an action that is over now.

@@ -29,6 +29,8 @@ class BodyOptions:
     """Force at which the probe stops on an organ that yields [N]."""
     motion: MotionSettings = field(default_factory=MotionSettings)
     """Speeds of the way down."""
+    register_above_m: float = np.inf
+    """How far the organ has to be believed off for an action to be spent on its place [m]."""
     prior: RigidPrior | None = None
     """What is expected of the place; None where it is known how far plans and breaths of this kind go."""
 

@@ -24,7 +24,7 @@ from mapping import (
     make_hilbert_map,
     teach,
 )
-from planner import Planner, Situation
+from planner import Planner, Situation, registering_first
 from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.cone_sensor import ConeSensor
 from sim.world.sensing.reading import Reading
@@ -178,8 +178,9 @@ class Episode:
 
     def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
         start_s = perf_counter()
+        situation = self.situation()
         approach = approach_first(
-            self._motion_model.ranking(self.planner, self.situation()),
+            registering_first(self._motion_model.ranking(self.planner, situation), situation),
             self.setup.positioner,
             self._motion_model,
             self.data,
@@ -247,6 +248,7 @@ class Episode:
             miss_cost=self._miss_cost,
             until_confident=self._until_confident,
             sensing_s=self._sensing_s,
+            place=None if self.body is None else self.body.place_belief(),
             draw_map=draws_of(self._planned_for.tumour_map),
             rng=self._planner_rng,
         )

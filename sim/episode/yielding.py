@@ -28,9 +28,11 @@ Array = NDArray[np.float64]
 _STEPS_BACK, _THERE_M = 20, 1e-5
 """Most steps back along the beam to the surface, each as long as the distance from it, and how near is near enough [m].
 """
-_STALE_M, _LEVER_M = 0.001, 0.03
+STALE_M, _LEVER_M = 0.001, 0.03
 """A press is released anew when, as it is believed, the tip or what lies so deep below it has moved by so much within
 the organ [m]: the depth changes slowly from place to place, by about as much as one in ten of a move."""
+_TOUCHED_M = 0.0005
+"""Where the surface and the force tell a place of first touch that differ by less [m], the press is not asked again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +46,11 @@ class _Release:
     depth_m: float
     """How deep the tip was."""
 
-    def is_stale(self, T_rest_tip: Array) -> bool:
+    def is_stale(self, T_rest_tip: Array, stale_m: float) -> bool:
         """Whether the tip is believed to be elsewhere by now."""
         difference = T_rest_tip - self.T_rest_tip
         ends_m = np.stack([difference[:3, 3], difference[:3, 3] + _LEVER_M * difference[:3, 2]])
-        return bool(np.linalg.norm(ends_m, axis=1).max() > _STALE_M)
+        return bool(np.linalg.norm(ends_m, axis=1).max() > stale_m)
 
 
 @dataclass(frozen=True)
@@ -75,16 +77,19 @@ class RawReading:
     """The force on the tip, as far as it is measured."""
     _release: _Release | None = None
 
-    def released(self, organ: YieldingOrgan, T_world_rest: Array) -> tuple[Array, Array, float]:
+    def released(
+        self, organ: YieldingOrgan, T_world_rest: Array, *, stale_m: float = STALE_M
+    ) -> tuple[Array, Array, float]:
         """Points and tip where, by what is believed, they lay before the probe pressed, world frame; and its depth.
 
         Args:
             organ: The organ that yielded.
             T_world_rest: Where it is believed to have lain, shape (4, 4).
+            stale_m: By how much it has to be believed elsewhere than before for this to be worked out again [m].
         """
         T_tip, T_rest_world = self.T_world_probe, rigid_inverse(T_world_rest)
         T_rest_tip, before = T_rest_world @ T_tip, self._release
-        if before is None or before.is_stale(T_rest_tip):
+        if before is None or before.is_stale(T_rest_tip, stale_m):
             points_m = self.points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3]
             known_m = None if before is None else before.depth_m
             force_n = self.pressed.force_n
@@ -186,8 +191,11 @@ class YieldingOrgan:
         try:
             found = None
             if depth_m is None:
-                found = self._pressed(self._touched_m(T_rest_tip), beam, force_n)
+                touched_m = self._touched_m(T_rest_tip)
+                found = self._pressed(touched_m, beam, force_n)
                 depth_m = found.depth_m
+                if np.linalg.norm(T_rest_tip[:3, 3] - depth_m * beam - touched_m) < _TOUCHED_M:
+                    return found.rest_of(points_m), depth_m
             with suppress(TissueError):
                 # The force tells the depth better than the surface, where the belief of the place is good.
                 found = self._pressed(T_rest_tip[:3, 3] - depth_m * beam, beam, force_n)

@@ -182,6 +182,7 @@ def _arm(record: RunRecord) -> dict[str, Any] | None:
         ("Angle error [°]", np.rad2deg(record.numbers("angle_error_rad")), "angle"),
         ("Tracking error [mm]", record.numbers("tracking_error_m") * 1e3, "tracking"),
         ("Contact force [N]", record.numbers("contact_force_n"), "force"),
+        ("Force beside the one wanted [N]", np.abs(record.numbers("force_error_n")), "force-error"),
         ("Motion to the pose [s]", record.numbers("motion_s"), "motion"),
         ("Force error while sliding [N]", record.numbers("slide_force_error_n"), "slide-force"),
         ("Time farther than 20 % from the force [%]", 1e2 * (1.0 - record.numbers("force_in_band")), "band"),

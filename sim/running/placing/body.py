@@ -55,6 +55,9 @@ class BodyConfig:
     register: Registration = "contacts"
     """What tells where the organ lies: contacts (the belief is learnt from where the probe meets the surface) or none
     (the plan is believed)."""
+    register_above_mm: float | None = None
+    """Spend actions on registering, where a contact tells most of the place, as long as the organ is believed to be off
+    by more than this [mm]; by default none is."""
 
 
 def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> BodyOptions | None:
@@ -84,11 +87,19 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
     )
     tissue = _tissue(config)
     _check_used(config, motion)
-    if settings.is_as_planned and tissue is None:
+    is_as_planned = settings.is_as_planned and tissue is None
+    _check_registering(config, is_as_planned=is_as_planned)
+    if is_as_planned:
         return None
     press_n = DEFAULT_PRESS_N if config.press_n is None else config.press_n
+    above_mm = config.register_above_mm
     return BodyOptions(
-        settings=settings, registration=config.register, tissue=tissue, press_n=press_n, motion=speeds
+        settings=settings,
+        registration=config.register,
+        tissue=tissue,
+        press_n=press_n,
+        motion=speeds,
+        register_above_m=math.inf if above_mm is None else above_mm * MM,
     )
 
 
@@ -139,3 +150,22 @@ def _check_used(config: BodyConfig, motion: MotionKind) -> None:
             raise FieldError(
                 name, getattr(config, name), f"means nothing without {lacks}; give both, or neither."
             )
+
+
+def _check_registering(config: BodyConfig, *, is_as_planned: bool) -> None:
+    """Check that actions are spent on registering only where that can tell anything.
+
+    Raises:
+        FieldError: They are where it cannot, or from a deviation on that is none.
+    """
+    above_mm = config.register_above_mm
+    if above_mm is None:
+        return
+    if not (math.isfinite(above_mm) and above_mm > 0.0):
+        raise FieldError("register_above_mm", above_mm, "must be above 0 and finite.")
+    if is_as_planned or config.register == "none":
+        lacks = "an organ that is not as planned, by `registration_mm` or another of these"
+        lacks = "`register` contacts" if config.register == "none" else lacks
+        raise FieldError(
+            "register_above_mm", above_mm, f"means nothing without {lacks}; give both, or neither."
+        )

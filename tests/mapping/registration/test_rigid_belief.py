@@ -137,3 +137,28 @@ def test_a_tip_is_set_right_across_the_surface_and_not_along_it() -> None:
     (correction_m,) = belief.tip_corrections_m()
     assert correction_m[2] == pytest.approx(-0.004, abs=1e-4)
     assert np.abs(correction_m[:2]).max() < 5e-4
+
+
+def test_what_a_contact_is_expected_to_tell_is_what_it_tells_when_it_comes() -> None:
+    rng, noise_m = np.random.default_rng(4), 0.002
+    prior = RigidPrior(shift_m=0.01, turn_rad=0.08, breath_m=0.004)
+    belief = RigidBelief(with_its_slope, np.zeros(3), prior)
+    turn, shift = a_move(rng)
+    for at_m in moved(surface_points_m(rng, 6), turn, shift):
+        belief.observe(Contact(at_m, noise_m=noise_m))
+    points_m, some_m = rng.uniform(-0.04, 0.04, (50, 3)), surface_points_m(rng, 5, upper=False)
+
+    def off_m2():
+        return np.trace(belief.place_covariance_m2(points_m), axis1=1, axis2=2).mean()
+
+    # At no distance a contact of Student's t with 5 degrees of freedom counts as 6/5 of a Gaussian's.
+    as_told_m = np.sqrt((noise_m**2 + prior.surface_m**2) / 1.2 - prior.surface_m**2)
+    gains_m2 = belief.contact_gains_m2(some_m, with_its_slope(some_m)[1], points_m, noise_m=as_told_m)
+    T, known, before_m2 = belief.T_world_rest(), list(belief.contacts), off_m2()
+    for rest_m, gain_m2 in zip(some_m, gains_m2, strict=True):
+        # It meets the surface where that is believed to lie, which leaves the mean as it is.
+        belief.observe(Contact(T[:3, :3] @ rest_m + T[:3, 3], noise_m=noise_m))
+        assert before_m2 - off_m2() == pytest.approx(gain_m2, rel=0.02)
+        belief.relearn(known)
+    assert (gains_m2 > 0.0).all()
+    assert gains_m2.max() > 2.0 * gains_m2.min()

@@ -262,3 +262,24 @@ def test_a_second_class_moves_with_the_organ(sphere_setup) -> None:
     assert any(reading.is_occupied.any() for reading in run.target.readings)
     for own, reading in zip(run.target.readings, run.readings, strict=True):
         np.testing.assert_array_equal(own.points_m, reading.points_m)
+
+
+def test_actions_are_spent_on_registering_until_the_place_is_known(sphere_setup) -> None:
+    def scores(above_m):
+        body = BodyOptions(settings=BodySettings(tracking_m=0.002, **OFF), register_above_m=above_m)
+        run = Episode(sphere_setup, make_planner("random"), seed=0, body=body)
+        places = [run.situation().place]
+        steps = []
+        for step in run.steps(4):
+            steps.append(step)
+            places.append(run.situation().place)
+        return steps, places
+
+    steps, places = scores(0.001)
+    asked, seen = scores(np.inf)
+    assert steps[0].pose_index == places[0].contact_gains_m2().argmax()
+    # What planners see is what the belief says, and contacts that tell most make it sure sooner.
+    assert places[-1].deviation_m < seen[-1].deviation_m < seen[0].deviation_m
+    # A place that is known well enough leaves the choice to the planner.
+    known, _ = scores(0.1)
+    assert [step.pose_index for step in known] == [step.pose_index for step in asked]

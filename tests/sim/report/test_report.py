@@ -233,3 +233,21 @@ def test_charts_of_many_are_drawn() -> None:
     assert curve_chart(np.array([0.0, 1.0]), np.array([1.0, 0.5]), colour="map", label="x").startswith("<svg")
     low, high = span_of([3.0], [(np.nan, np.nan)], from_zero=True)
     assert low == 0.0 < 3.0 < high
+
+
+def test_a_force_that_was_wanted_is_compared_with_the_one_there_was(run) -> None:
+    with (run / "steps.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert main(["report", str(run)]) == 0
+    assert "Force beside the one wanted" not in (run / "report.html").read_text(encoding="utf-8")
+    with (run / "steps.csv").open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, [*rows[0], "force_error_n"])
+        table.writeheader()
+        # Above and below: what counts is how far off it was, so that the largest is 0.02.
+        table.writerows(row | {"force_error_n": (-1) ** i * 0.02 / (i + 1)} for i, row in enumerate(rows))
+    assert main(["report", str(run)]) == 0
+    text = (run / "report.html").read_text(encoding="utf-8")
+    assert 'data-chart="force-error"' in text
+    row = re.search(r"Force beside the one wanted \[N\]</th>(.*?)</tr>", text)
+    assert row is not None
+    assert re.findall(r">([\d.]+)<", row[1])[1] == "0.02"

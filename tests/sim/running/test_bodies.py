@@ -207,3 +207,11 @@ def test_pictures_show_the_organ_where_it_is_and_leave_the_state_as_it_was(spher
         np.testing.assert_allclose(data.geom_xpos[organ] - before_m, T[:3, 3], atol=1e-12)
     np.testing.assert_array_equal(data.geom_xpos[organ], before_m)
     np.testing.assert_array_equal(data.site_xpos, probe_m)
+
+
+def test_actions_may_be_spent_on_registering_where_there_is_something_to_learn() -> None:
+    assert make_parts(config_of(FREE, **OFF)).body.register_above_m == math.inf
+    assert make_parts(config_of(FREE, **OFF, register_above_mm=3.0)).body.register_above_m == 0.003
+    for options in ({}, OFF | {"register": "none"}, OFF | {"register_above_mm": 0.0}):
+        with pytest.raises(FieldError, match="register_above_mm"):
+            make_parts(config_of(FREE, **({"register_above_mm": 3.0} | options)))

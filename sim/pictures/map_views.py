@@ -206,4 +206,4 @@ def _draw_legend(figure: Figure, name: str, colour: str) -> None:
 def _title(view: View, picture: MapPicture) -> str:
     whose = "The map" if picture.target_name is None else f"The map of {picture.target_name}"
     seen, n_poses = {"top": "from above", "side": "from the side"}[view], len(picture.poses_m)
-    return f"{whose} {seen}, after {n_poses} sensing {'action' if n_poses == 1 else 'actions'}"
+    return f"{whose} {seen}, after {n_poses} {'reading' if n_poses == 1 else 'readings'}"

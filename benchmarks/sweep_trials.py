@@ -101,6 +101,7 @@ def run_plan(plan: Plan, file: Path, *, until_s: float) -> None:
         until_s: Seconds after which no further trial begins.
     """
     file.parent.mkdir(parents=True, exist_ok=True)
+    end_torn_line(file)
     done = {key_of(row) for row in rows_of([file])}
     trials = [(seed, each) for seed in plan.seeds for each in plan.contenders]
     is_open = [(plan.case, plan.arm, each.planner, each.sensing, seed) not in done for seed, each in trials]
@@ -117,6 +118,13 @@ def run_plan(plan: Plan, file: Path, *, until_s: float) -> None:
             named |= {"planner": contender.planner, "sensing": contender.sensing}
             lines.write(json.dumps(named | trial_row(parts, setup)) + "\n")
             lines.flush()
+
+
+def end_torn_line(file: Path) -> None:
+    """End what a kill left of a line, so that the next trial has a line of its own."""
+    if file.is_file() and file.stat().st_size and not file.read_bytes().endswith(b"\n"):
+        with file.open("ab") as lines:
+            lines.write(b"\n")
 
 
 def key_of(row: Row) -> tuple[Any, ...]:

@@ -74,26 +74,36 @@ class Service:
         self._tips: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=MOST_TIPS)
 
     def submit(self, report: Report) -> None:
-        """Have a report worked off; at once if it only moves the tip.
+        """Have a report worked off, at once if it only moves the tip; what is refused is counted.
 
         Args:
             report: The report, in the world's frame.
         """
         try:
-            stamp_s = self._fresh(report)
-            check_report(report, self.session.organ)
-            with self._lock:
-                self._newest[type(report)] = stamp_s
-                if isinstance(report, TipMoved):
-                    self._tips.append((stamp_s, report.T_world_probe))
-                    return
-                # The tip as it was then: it may move on before the report is worked off.
-                T = self._tip_at(stamp_s) if isinstance(report, PointsSensed) else None
-            self._waiting.put_nowait((report, T))
-        except queue.Full:
-            self.refuse(RefusedError("too many", f"{MOST_WAITING} reports are waiting already"))
+            self.take(report)
         except RefusedError as error:
             self.refuse(error)
+
+    def take(self, report: Report) -> None:
+        """Have a report worked off, as `submit` does, for who wants to know whether it was taken.
+
+        Raises:
+            RefusedError: It was not; nothing is counted.
+        """
+        stamp_s = self._fresh(report)
+        check_report(report, self.session.organ)
+        with self._lock:
+            if report.stamp_s is not None:
+                self._newest[type(report)] = stamp_s
+            if isinstance(report, TipMoved):
+                self._tips.append((stamp_s, report.T_world_probe))
+                return
+            # The tip as it was then: it may move on before the report is worked off.
+            T = self._tip_at(stamp_s) if isinstance(report, PointsSensed) else None
+        try:
+            self._waiting.put_nowait((report, T))
+        except queue.Full:
+            raise RefusedError("too many", f"{MOST_WAITING} reports are waiting already") from None
 
     def refuse(self, error: RefusedError) -> None:
         """Count something that was refused."""
@@ -161,13 +171,14 @@ class Service:
         return T_world_probe
 
     def _fresh(self, report: Report) -> float:
-        """The time of a report [s].
+        """The time of a report [s]; one without a stamp is of now, whatever the stamps of others say.
 
         Raises:
             RefusedError: It is older than one of its kind, or its clock is another.
         """
-        now_s = self._clock()
-        stamp_s = now_s if report.stamp_s is None else report.stamp_s
+        now_s, stamp_s = self._clock(), report.stamp_s
+        if stamp_s is None:
+            return now_s
         if not abs(stamp_s - now_s) <= self._settings.stale_s:
             raise RefusedError("stale", f"its time stamp is {now_s - stamp_s:.3g} s before the clock here")
         if stamp_s < self._newest.get(type(report), 0.0):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from time import time
 
 import mujoco
 import numpy as np
@@ -15,7 +14,8 @@ from sim.world.errors import WorldError
 from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.reading import Reading
 
-from ..reports import PointsSensed, PoseDeclined, TipMoved
+from ..errors import RefusedError
+from ..reports import PointsSensed, PoseDeclined, Report, TipMoved
 from ..service import Service
 from ..snapshot import Snapshot
 from .controller import ArmController
@@ -57,8 +57,11 @@ class ArmCarrier:
         self._service: Service | None
         self._motion = SteeredMotion(setup, controller, settings, self._moves_on, show)
         self._motion.begin(data)
-        self.error: WorldError | None = None
+        self.error: Exception | None = None
         """Why the arm was given up; None where it was not."""
+        self._answered: tuple[int, int | None] | None = None
+        self._at: int | None = None  # the pose at which the arm stands until a reading is taken
+        self._owed: PoseDeclined | PointsSensed | None = None  # what the service has not taken yet
 
     def serve(self, service: Service, stop: threading.Event, *, rate_hz: float) -> None:
         """Go to what a service proposes until it advises to end, the arm is given up, or `stop` is set.
@@ -69,46 +72,63 @@ class ArmCarrier:
             rate_hz: How often the tip's pose is reported while the arm stands [Hz].
         """
         self._service, self._stop = service, stop
-        done: tuple[int, int | None] | None = None
         try:
             while not stop.wait(1.0 / rate_hz):
-                newest = service.published
-                # A reading that was refused leads to a snapshot too, and to no way.
-                wanted = None if newest is None else _wanted(newest)
-                if newest is None or wanted == done:
-                    self._tell(self._tip())
-                    continue
-                done = wanted
-                self._answer(newest, service)
+                self._attend(service)
         except WorldError as error:
+            # A controller that is left while a stopped arm is waited for is no fault.
             if not stop.is_set():
                 self.error = error
+        except Exception as error:
+            # Nobody else would hear of a fault in a thread.
+            self.error = error
         finally:
             stop.set()
 
-    def _answer(self, seen: Snapshot, service: Service) -> None:
-        """Go to the pose of a snapshot, and sense there where that is simulated."""
+    def _attend(self, service: Service) -> None:
+        """Do what the newest snapshot asks for, or see where the arm stands; and say what the service did not take."""
+        newest = service.published
+        # A reading that was refused leads to a snapshot too, and to no way.
+        wanted = None if newest is None else _wanted(newest)
+        if newest is not None and wanted != self._answered:
+            self._answered, self._at, self._owed = wanted, None, None
+            self._owed = self._answer(newest)
+        else:
+            strayed = self._look()
+            # A reading that was taken but not yet learnt from was taken before the arm strayed.
+            is_taken = newest is not None and len(service.session.sensed) > newest.n_sensed
+            if strayed and self._at is not None and not is_taken:
+                self._owed = _declined(self._at, strayed)
+        if self._owed is not None and _is_taken(service, self._owed):
+            self._at, self._owed = None, None
+
+    def _answer(self, seen: Snapshot) -> PoseDeclined | PointsSensed | None:
+        """Go to the pose of a snapshot, and sense there where that is simulated; what there is to report of it."""
         pose = _wanted(seen)[1]
         if pose is None:
-            return
+            return None
         answer = self._positioner.reach(pose)
         reason = answer.explain()
         if answer.is_reached:
             reason = self._motion.move(self._data, pose).reason
         if reason:
-            service.submit(PoseDeclined(pose_index=pose, reason=reason, stamp_s=time()))
-            return
+            return _declined(pose, reason)
+        self._at = pose
         self._tell(self._tip())
-        if self._sense is not None and not self._stop.wait(self._settings.sensing_s):
-            reading = self._sense(seen.n_sensed)
-            now_s = self._tell(self._tip())
-            if not len(reading.points_m):
-                reason = "The sensor saw nothing of the organ there."
-                service.submit(PoseDeclined(pose_index=pose, reason=reason, stamp_s=now_s))
-                return
-            service.submit(
-                PointsSensed(points_m=reading.points_m, is_occupied=reading.is_occupied, stamp_s=now_s)
-            )
+        if self._sense is None or self._stop.wait(self._settings.sensing_s):
+            return None
+        if strayed := self._look():
+            return _declined(pose, strayed)
+        reading = self._sense(seen.n_sensed)
+        if not len(reading.points_m):
+            return _declined(pose, "The sensor saw nothing of the organ there.")
+        return PointsSensed(points_m=reading.points_m, is_occupied=reading.is_occupied, stamp_s=None)
+
+    def _look(self) -> str:
+        """See where the arm stands, tell it, and say how it strayed; empty where it did not."""
+        strayed = self._motion.look(self._data)
+        self._tell(self._tip())
+        return strayed
 
     def _moves_on(self, q: Array) -> bool:
         """Tell where the tip is while the arm moves, and whether it may move on."""
@@ -124,12 +144,25 @@ class ArmCarrier:
         T[:3, :3], T[:3, 3] = site.xmat.reshape(3, 3), site.xpos
         return T
 
-    def _tell(self, T_world_probe: Array) -> float:
-        """Say where the tip is, and return when that was [s]."""
-        now_s = time()
+    def _tell(self, T_world_probe: Array) -> None:
+        """Say where the tip is now."""
         if self._service is not None:
-            self._service.submit(TipMoved(T_world_probe=T_world_probe, stamp_s=now_s))
-        return now_s
+            self._service.submit(TipMoved(T_world_probe=T_world_probe, stamp_s=None))
+
+
+def _declined(pose: int, reason: str) -> PoseDeclined:
+    # No stamp: it is of now, and what clocks of the outside say does not make it old.
+    return PoseDeclined(pose_index=pose, reason=reason, stamp_s=None)
+
+
+def _is_taken(service: Service, report: Report) -> bool:
+    """Whether a service takes a report; one that is refused is counted."""
+    try:
+        service.take(report)
+    except RefusedError as error:
+        service.refuse(error)
+        return False
+    return True
 
 
 def _wanted(seen: Snapshot) -> tuple[int, int | None]:

@@ -106,7 +106,7 @@ def arm_of(message: Mapping[str, Any]) -> tuple[tuple[str, ...], ArmLimits]:
         for key, without in (("low", -math.inf), ("high", math.inf), ("speed", math.inf)):
             filled = [without if value is None else value for value in message[key]]
             values.append(_numbers(filled, (len(names),), is_finite=False))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise BrokenMessageError(f"what the arm is cannot be read ({error})") from error
     return names, ArmLimits(low=values[0], high=values[1], speed=values[2])
 
@@ -132,9 +132,10 @@ def state_of(message: Mapping[str, Any], names: tuple[str, ...]) -> ArmState:
         BrokenMessageError: It has none.
     """
     try:
-        if sorted(message["name"]) != sorted(names):
+        told = list(message["name"])
+        if sorted(told) != sorted(names):
             raise ValueError("its joints are others")
-        order = [message["name"].index(name) for name in names]
+        order = [told.index(name) for name in names]
         stamp_s, goal, seen = float(message["stamp_s"]), message["goal"], message["seen"]
         if not (math.isfinite(stamp_s) and isinstance(goal, int) and isinstance(seen, int)):
             raise ValueError("its stamp, its goal, or what it has seen is no number")
@@ -147,7 +148,7 @@ def state_of(message: Mapping[str, Any], names: tuple[str, ...]) -> ArmState:
             text=str(message["text"])[:500],
             seen=seen,
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise BrokenMessageError(f"a state cannot be read ({error})") from error
 
 

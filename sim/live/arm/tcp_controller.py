@@ -9,6 +9,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from time import monotonic, sleep
 from typing import Any
 
@@ -28,6 +29,7 @@ from .messages import (
     state_of,
     trajectory_of,
 )
+from .progress import Progress
 from .timed_path import ArmLimits, TimedPath
 
 BEAT_S = 0.01
@@ -54,6 +56,7 @@ class TcpController(ArmController):
         """
         self._address, self._patience_s = (host, port), patience_s
         self._connection: socket.socket | None = None
+        self._is_closed = False
         self._buffer, self._heard_s, self._n_asked = bytearray(), monotonic(), 0
         self._connect()
         self.names, self.limits = self._introduction()
@@ -75,10 +78,14 @@ class TcpController(ArmController):
         self, path: TimedPath, watch: Callable[[ArmState], bool] = lambda state: True
     ) -> list[ArmState]:
         """See `ArmController.follow`."""
-        goal, states = self.state().goal + 1, list[ArmState]()
+        here = self.state()
+        goal, states = here.goal + 1, list[ArmState]()
+        if not watch(here):
+            return [replace(here, goal=goal, status=Status.STOPPED, text="It was told to stop.")]
         sending = line_of(FOLLOW, goal=goal, trajectory=trajectory_of(path))
-        said_s, is_wanted, since_s = -REPEAT_S, True, monotonic()
-        self._heard_s = since_s
+        said_s, is_wanted = -REPEAT_S, True
+        self._heard_s = since_s = monotonic()
+        progress = Progress(path, since_s)
         while True:
             now_s = monotonic()
             if not states and now_s - said_s > REPEAT_S:
@@ -87,25 +94,37 @@ class TcpController(ArmController):
             if now_s - self._heard_s < QUIET_S:
                 self._say(line_of(BEAT if is_wanted else STOP))
             if self._connection is None:
-                return [*states, self._stopped(goal)]
+                return [*states, self._stopped(goal, "The connection was lost.")]
             for state in self._states(BEAT_S):
+                if state.goal != goal and states:
+                    return [
+                        *states,
+                        self._stopped(goal, "The controller forgot its path, or was sent another."),
+                    ]
                 if state.goal != goal:
                     continue
                 states.append(state)
                 if state.status is not Status.FOLLOWING:
                     return states
                 is_wanted = watch(state) and is_wanted
+                progress.see(state.q, monotonic())
             self._lose_patience(self._heard_s if states else since_s)
+            self._expect_progress(progress.since_s, path.duration_s if is_wanted else 0.0)
 
     def close(self) -> None:
-        """Leave the controller, which stops the arm."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        """Leave the controller for good, which stops the arm; another thread may still be waiting for it."""
+        self._is_closed = True
+        self._leave()
 
-    def _stopped(self, goal: int) -> ArmState:
-        """Where the arm rests after the connection was lost and made again."""
-        self._connect()
+    def _leave(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+
+    def _stopped(self, goal: int, text: str) -> ArmState:
+        """Where the arm rests after it was lost sight of on a path."""
+        if self._connection is None:
+            self._connect()
         since_s = monotonic()
         while (state := self.state()).status is Status.FOLLOWING:
             self._lose_patience(since_s)
@@ -113,15 +132,17 @@ class TcpController(ArmController):
             stamp_s=state.stamp_s, q=state.q, speed=state.speed, goal=goal,
             # It may have arrived before it was missed.
             status=Status.DONE if (state.goal, state.status) == (goal, Status.DONE) else Status.STOPPED,
-            text=state.text or "The connection was lost.",
+            text=state.text or text,
         )  # fmt: skip
 
     def _connect(self) -> None:
-        self.close()
+        self._leave()
         since_s = monotonic()
         while True:
+            self._refuse_closed()
             try:
-                self._connection = socket.create_connection(self._address, timeout=self._patience_s)
+                connection = socket.create_connection(self._address, timeout=self._patience_s)
+                connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 break
             except OSError as error:
                 if monotonic() - since_s > self._patience_s:
@@ -130,9 +151,18 @@ class TcpController(ArmController):
                         "in `controller`."
                     ) from error
                 sleep(REPEAT_S)
-        self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connection = connection
         self._buffer.clear()
         self._heard_s = monotonic()
+        if self._is_closed:  # by another thread, meanwhile
+            self._leave()
+            self._refuse_closed()
+
+    def _refuse_closed(self) -> None:
+        if self._is_closed:
+            raise ControllerError(
+                f"The arm's controller at {self._name} was left, and the arm stands still. Make a new one to go on."
+            )
 
     def _introduction(self) -> tuple[tuple[str, ...], ArmLimits]:
         """What the controller says that the arm is."""
@@ -158,45 +188,56 @@ class TcpController(ArmController):
                 "arm is taken to stand still. Look after it, and start again."
             )
 
+    def _expect_progress(self, since_s: float, path_s: float) -> None:
+        """Give up an arm that says that it moves, and does not get on for as long as its whole path takes."""
+        if monotonic() - since_s > path_s + self._patience_s:
+            raise ControllerError(
+                f"The arm's controller at {self._name} follows its path and has not got on for "
+                f"{path_s + self._patience_s:.3g} s, so that it is told no more to go on. See what holds the arm, and "
+                "start again with the same options."
+            )
+
     def _say(self, line: bytes) -> None:
-        if self._connection is None:
+        connection = self._connection
+        if connection is None:
             return
         try:
-            self._connection.settimeout(self._patience_s)
-            self._connection.sendall(line)
+            connection.settimeout(self._patience_s)
+            connection.sendall(line)
         except OSError:
-            self.close()
+            self._leave()
 
     def _states(self, wait_s: float) -> list[ArmState]:
         """The states that came; waits for some time where nothing has."""
         with self._understanding():
-            return [state_of(each, self.names) for each in self._messages(wait_s) if each["op"] == STATE]
+            states = [state_of(each, self.names) for each in self._messages(wait_s) if each["op"] == STATE]
+        if states:
+            self._heard_s = monotonic()
+        return states
 
     def _messages(self, wait_s: float) -> list[dict[str, Any]]:
         """The messages that came; waits for some time where nothing has."""
-        if self._connection is None:
+        connection = self._connection
+        if connection is None:
             self._connect()
-        assert self._connection is not None
+            return []
         chunk = b""
         try:
-            self._connection.settimeout(wait_s)
-            chunk = self._connection.recv(1 << 16)
+            connection.settimeout(wait_s)
+            chunk = connection.recv(1 << 16)
             if not chunk:
-                self.close()
+                self._leave()
         except TimeoutError:
             return []
         except OSError:
-            self.close()
+            self._leave()
         self._buffer += chunk
         if len(self._buffer) > MOST_BYTES:
             raise ControllerError(f"The arm's controller at {self._name} sends a line without end.")
         *lines, rest = bytes(self._buffer).split(b"\n")
         self._buffer[:] = rest
         with self._understanding():
-            messages = [message_of(line) for line in lines]
-        if messages:
-            self._heard_s = monotonic()
-        return messages
+            return [message_of(line) for line in lines]
 
     @contextmanager
     def _understanding(self) -> Iterator[None]:

@@ -68,7 +68,11 @@ def without_tip(service: Service) -> Callable[[Report], None]:
 
 
 def carry(carrier: ArmCarrier, service: Service, stop: threading.Event, rate_hz: float) -> Callable[[], None]:
-    """Have an arm carry the probe, in a thread of its own, and return what waits for the arm's rest after `stop`."""
+    """Have an arm carry the probe, in a thread of its own, and return what waits for the arm's rest after `stop`.
+
+    It waits for some seconds: a thread that still plans then finds `stop` set and the controller closed, and sends
+    nothing.
+    """
     thread = threading.Thread(
         target=carrier.serve, args=(service, stop), kwargs={"rate_hz": rate_hz}, daemon=True
     )

@@ -12,16 +12,31 @@ import pytest
 from arm_process import ArmProcess
 from plain_igtl import PlainClient
 
+from sim.episode.setup import build_setup
+from sim.live.arm.tcp_controller import TcpController
 from sim.live.igtl.link import LinkSettings
 from sim.live.service import ServiceSettings
 from sim.running.fields import config_of
 from sim.running.live.serving import Serving, serve
+from sim.running.parts import make_parts
 
 pytest.importorskip("pyigtl")
 
 
 def told_of(body):
     return json.loads(body[4 : 4 + struct.unpack(">H", body[2:4])[0]])
+
+
+def true_tip(config, arm):
+    """Where the tip is by the arm's own word, shape (4, 4) [m]; no other client may be there."""
+    parts = make_parts(config)
+    chain = build_setup(
+        parts.scenario, parts.arm, parts.map_settings, probe=parts.probe
+    ).positioner.search.chain
+    with TcpController("127.0.0.1", arm.port) as controller:
+        tip, T = chain.forward(controller.state().q[None]), np.eye(4)
+    T[:3, :3], T[:3, 3] = tip.R_world_tip[0], tip.tips_m[0]
+    return T
 
 
 def test_readings_from_outside_count_from_where_the_arm_is(tmp_path) -> None:
@@ -64,6 +79,7 @@ def test_readings_from_outside_count_from_where_the_arm_is(tmp_path) -> None:
         off_mm = np.linalg.norm(tip[:3, 3] - wanted[:3, 3])
         assert 0.01 < off_mm < 4.0
         assert len(event["points_m"]) > 0
+        np.testing.assert_allclose(event["T_world_probe"], true_tip(config, arm), atol=1e-9)
     record = arm.record()
     assert record["longest_unheard_s"] <= 0.1
     arm.close()

@@ -7,12 +7,13 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rosbridge_stand_in import RosbridgeStandIn
 
 from sim.errors import FieldError
 from sim.live.errors import RefusedError
+from sim.live.reports import MOST_LISTED
 from sim.live.ros.link import (
     LATCHED,
     MAP,
@@ -147,6 +148,26 @@ JSON = st.recursive(
 def test_a_cloud_with_anything_in_a_field_is_read_or_refused(key, value) -> None:
     with suppress(RefusedError):
         points_of(cloud(np.zeros((2, 3)), [1, 2], **{key: value}))
+
+
+SIZES = st.integers(-2, 3) | st.integers(2**31, 2**40) | st.floats() | st.text(max_size=2)
+
+
+@settings(deadline=None, max_examples=300)
+@given(width=SIZES, height=SIZES, row_step=SIZES, data=st.sampled_from(["", "AAAA"]) | SIZES)
+@example(width=0, height=4_000_000_000, row_step=0, data="")
+@example(width="ab", height=2**40, row_step=0, data="")
+def test_a_cloud_of_any_sizes_is_read_or_refused(width, height, row_step, data) -> None:
+    changes = {"width": width, "height": height, "row_step": row_step, "data": data}
+    with suppress(RefusedError):
+        points_of(cloud(np.zeros((2, 3)), [1, 2], **changes))
+
+
+def test_rows_without_points_are_limited_as_points_are() -> None:
+    empty = cloud(np.zeros((0, 3)), [])
+    assert len(points_of(empty | {"height": MOST_LISTED}).points_m) == 0
+    with pytest.raises(RefusedError, match="more than"):
+        points_of(empty | {"height": MOST_LISTED + 1})
 
 
 @settings(deadline=None, max_examples=300)

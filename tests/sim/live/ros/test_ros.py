@@ -2,6 +2,7 @@
 
 import base64
 import struct
+import threading
 import time
 from contextlib import suppress
 
@@ -17,6 +18,7 @@ from sim.live.reports import MOST_LISTED
 from sim.live.ros.link import (
     LATCHED,
     MAP,
+    PATH,
     PROPOSED,
     REPORTED_POINTS,
     REPORTED_TIP,
@@ -101,12 +103,44 @@ def test_a_reading_of_the_topics_is_learnt_and_the_map_shows_it(served, bridge) 
 
 
 def test_a_bridge_that_is_restarted_gets_all_that_is_latched_again(served, bridge) -> None:
-    bridge.wait_for(lambda own: {PROPOSED, MAP, SURFACES} <= own.latest.keys())
+    trajectory = {"joint_names": ["a"], "points": []}
+    served.link.publish_path(trajectory)
+    bridge.wait_for(lambda own: {PROPOSED, *LATCHED} <= own.latest.keys())
     bridge.drop_clients()
-    bridge.wait_for(lambda own: {PROPOSED, MAP, SURFACES} <= own.latest.keys())
+    bridge.wait_for(lambda own: {PROPOSED, *LATCHED} <= own.latest.keys())
+    assert bridge.latest[PATH]["joint_names"] == ["a"]
     assert bridge.n_clients == 2
     bridge.wait_for(lambda own: {REPORTED_TIP, REPORTED_POINTS} <= own._subscribers.keys())
-    assert set(LATCHED) > {MAP, SURFACES}
+
+
+def test_what_is_published_while_all_is_sent_again_is_sent_last(bridge) -> None:
+    paths = [{"joint_names": [name], "points": []} for name in ("old", "new")]
+    with RosLink("127.0.0.1", bridge.port) as link:
+        link._send(SURFACES, {"markers": []})
+        link.publish_path(paths[0])
+        bridge.wait_for(lambda own: {SURFACES, PATH} <= own.latest.keys())
+        publishing = threading.Thread(target=link.publish_path, args=(paths[1],))
+        send = link._topics[SURFACES].publish
+
+        def sent_again(message) -> None:
+            send(message)
+            publishing.start()
+            publishing.join(timeout=0.5)  # it may have to wait for what is being sent again
+
+        link._topics[SURFACES].publish = sent_again
+        bridge.drop_clients()
+        bridge.wait_for(lambda own: own.counts.get(PATH) == 2)
+    assert bridge.latest[PATH]["joint_names"] == ["new"]
+
+
+def test_a_bridge_that_is_gone_is_looked_for_every_two_seconds(bridge) -> None:
+    with RosLink("127.0.0.1", bridge.port) as link:
+        factory, waits_s = link._ros.factory, []
+        factory._open_connection = lambda: None
+        for _ in range(8):
+            factory._schedule_reconnect()
+            waits_s.append(factory._reconnect_delay)
+    assert max(waits_s) == 2.0
 
 
 def test_what_cannot_be_right_is_refused_and_counted(served, bridge) -> None:
@@ -189,3 +223,5 @@ def test_a_bridge_that_is_not_there_is_told() -> None:
     free.close()
     with pytest.raises(FieldError, match=f"ws://127.0.0.1:{port}: no rosbridge answers there"):
         RosLink("127.0.0.1", port)
+    with pytest.raises(FieldError, match="^live=ws"):
+        RosLink("127.0.0.1", port, field="live")

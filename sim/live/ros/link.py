@@ -101,9 +101,7 @@ class RosLink(Closeable):
         module = roslibpy()
         self._submit, self._refuse, self._tip, self._rate_hz = submit, refuse, tip, rate_hz
         self._ros = _connected(module, host, port, field)
-        self._topics = {
-            name: module.Topic(self._ros, name, kind, latch=name in LATCHED) for name, kind in TYPES.items()
-        }
+        self._topics = _topics_of(module, self._ros)
         self._latest: dict[str, Message] = {}
         self._snapshot: Snapshot | None = None
         self._is_closed, self._was_connected = threading.Event(), True
@@ -209,6 +207,11 @@ def _connected(module: Any, host: str, port: int, field: str) -> Any:
         problem = f"no rosbridge answers there ({error}). Start it, or name another."
         raise FieldError(field, f"ws://{host}:{port}", problem) from error
     return ros
+
+
+def _topics_of(module: Any, ros: Any) -> dict[str, Any]:
+    """All topics on a connection, by name."""
+    return {name: module.Topic(ros, name, kind, latch=name in LATCHED) for name, kind in TYPES.items()}
 
 
 def _leave(ros: Any) -> None:

@@ -92,8 +92,10 @@ def test_the_tip_ends_where_it_sensed_in_the_drawn_organ_although_that_lay_elsew
     for end, (_, sensed, _) in zip(ends, topics["/sensed"], strict=True):
         tip = topics["/tip"][end][1]
         np.testing.assert_allclose(place_of(tip), place_of(sensed), atol=1e-6)
-        turns = [[getattr(each.pose.orientation, name) for name in "wxyz"] for each in (tip, sensed)]
-        assert abs(np.dot(*turns)) == pytest.approx(1.0, abs=1e-9)
+        told, wanted = (
+            np.array([getattr(each.pose.orientation, name) for name in "wxyz"]) for each in (tip, sensed)
+        )
+        assert abs(told @ wanted) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_sweep_tells_every_reading_at_its_time(tmp_path) -> None:

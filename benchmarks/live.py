@@ -124,19 +124,24 @@ def measured(
             latency_s.append((now_s if new_s is None else new_s) - sent_s)
             plan_s.append(decision["plan_s"])
             gaps_s += np.diff(arrived_s).tolist()
-        reading = probe.sense(frame.pose_world_m(T_tip))
-        groups = np.where(reading.is_occupied, "tumour", "free").tolist()
-        points_mm = frame.points_ras_mm(reading.points_m)
-        messages = [
-            pyigtl.TransformMessage(T_tip, device_name=TIP),
-            pyigtl.PointMessage(points_mm, groups=groups, device_name=POINTS),
-        ]
-        connection.sendall(b"".join(each.pack() for each in messages))
+        connection.sendall(sensed_bytes(probe, frame, T_tip))
         sent_s, arrived_s, new_s = perf_counter(), [], None
         n_sensed += 1
     connection.close()
     cpu_s = (processor_s(pid) - begun_s) / n_steps
     return np.array(latency_s), np.array(decided_s), np.array(plan_s), np.array(gaps_s), cpu_s
+
+
+def sensed_bytes(probe: SimulatedProbe, frame: PatientFrame, T_tip: np.ndarray) -> bytes:
+    """What a sensor sends that looked from a pose of the patient's frame [mm], shape (4, 4)."""
+    reading = probe.sense(frame.pose_world_m(T_tip))
+    groups = np.where(reading.is_occupied, "tumour", "free").tolist()
+    points_mm = frame.points_ras_mm(reading.points_m)
+    messages = [
+        pyigtl.TransformMessage(T_tip, device_name=TIP),
+        pyigtl.PointMessage(points_mm, groups=groups, device_name=POINTS),
+    ]
+    return b"".join(each.pack() for each in messages)
 
 
 def unpacked(raw):

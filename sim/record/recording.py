@@ -37,8 +37,13 @@ class Readings:
     """The action of each, shape (R,)."""
     time_s: NDArray[np.float64]
     """Time since that action began [s], shape (R,)."""
-    places_m: NDArray[np.float64]
-    """Where the tip was [m], shape (R, 3)."""
+    T_world_probe: NDArray[np.float64]
+    """The tip's frame, shape (R, 4, 4)."""
+
+    @property
+    def places_m(self) -> NDArray[np.float64]:
+        """Where the tip was [m], shape (R, 3)."""
+        return self.T_world_probe[:, :3, 3]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -172,7 +177,7 @@ def _readings(folder: Path) -> Readings:
         raise UsageError(
             f"{folder / READINGS_CSV}: cannot be read ({error}). Run the episode again."
         ) from error
-    return Readings(steps, time_s, T_world_probe[:, :3, 3])
+    return Readings(steps, time_s, T_world_probe)
 
 
 def _arm(options: dict[str, Any]) -> ArmModel:

@@ -15,6 +15,7 @@ from sim.colours import KEEPOUT, ORGAN, STRUCTURE, TARGET, TRUTH
 from sim.live.ros.messages import SHOWN_FROM, joint_state, point_cloud, pose_stamped, surface_marker
 from sim.record.recording import Recording, set_state
 from sim.record.run_record import RunRecord
+from sim.world.frames import rigid_inverse
 from sim.world.ik.chain import Chain
 from sim.world.optional import optional_module
 from sim.world.solids.solid import Solid
@@ -53,8 +54,8 @@ def write_mcap(record: RunRecord, recording: Recording, path: Path) -> int:
         log.put("/surfaces", MARKERS, {"markers": _surfaces(record)}, 0.0)
         for index, T in enumerate(record.T_world_probe):
             _put_motion(log, recording, index + 1, began_s)
+            _put_sensed(log, recording, index + 1, T, began_s)
             began_s += recording.motions[index + 1].motion_s + recording.sensing_s
-            log.put("/sensed", POSE, pose_stamped(T, began_s), began_s)
             _put_map(log, record, index + 1, began_s)
             for name in CURVES:
                 if np.isfinite(value := record.numbers(name)[index]):
@@ -64,16 +65,34 @@ def write_mcap(record: RunRecord, recording: Recording, path: Path) -> int:
 
 
 def _put_motion(log: _Log, recording: Recording, step: int, began_s: float) -> None:
-    """Write the tip and the joints at each state of a motion."""
+    """Write the joints at each state of a motion, and the tip as seen from the organ, which is drawn as planned."""
     scene, motion = recording.scene, recording.motions[step]
     data = scene.new_data()
     chain = None if scene.free_probe else Chain(scene)
-    for time_s, state in zip(motion.time_s.tolist(), motion.states, strict=True):
+    place = recording.places.get(step)
+    for index, (time_s, state) in enumerate(zip(motion.time_s.tolist(), motion.states, strict=True)):
         at_s = began_s + time_s
         set_state(scene, data, state)
-        log.put("/tip", POSE, pose_stamped(_tip(data, scene.tip_site), at_s), at_s)
+        T_tip = _tip(data, scene.tip_site)
+        if place is not None:
+            T_tip = rigid_inverse(place.T_world_rest[index]) @ T_tip
+        log.put("/tip", POSE, pose_stamped(T_tip, at_s), at_s)
         if chain is not None:
             log.put("/joint_states", JOINTS, joint_state(chain.names, state[chain.columns], at_s), at_s)
+
+
+def _put_sensed(
+    log: _Log, recording: Recording, step: int, T_world_probe: NDArray[np.float64], began_s: float
+) -> None:
+    """Write where an action's readings were taken from: its pose, or those along the way."""
+    readings = recording.readings
+    if readings is None:
+        at_s = began_s + recording.motions[step].motion_s + recording.sensing_s
+        log.put("/sensed", POSE, pose_stamped(T_world_probe, at_s), at_s)
+        return
+    is_own = readings.steps == step
+    for time_s, T in zip(readings.time_s[is_own].tolist(), readings.T_world_probe[is_own], strict=True):
+        log.put("/sensed", POSE, pose_stamped(T, began_s + time_s), began_s + time_s)
 
 
 def _tip(data: mujoco.MjData, site: str) -> NDArray[np.float64]:

@@ -56,6 +56,8 @@ LATCHED = (MAP, SURFACES, PATH)
 """Topics whose last message whoever comes later gets too."""
 PATIENCE_S = 5.0
 """How long a rosbridge is waited for [s]."""
+MOST_BETWEEN_TRIES_S = 2.0
+"""The longest wait between two tries to find a rosbridge again [s]."""
 
 
 def roslibpy() -> Any:
@@ -75,6 +77,7 @@ class RosLink(Closeable):
         host: str,
         port: int,
         *,
+        field: str = "ros",
         rate_hz: float = 30.0,
         submit: Callable[[Report], None] | None = None,
         refuse: Callable[[RefusedError], None] = lambda error: None,
@@ -85,6 +88,7 @@ class RosLink(Closeable):
         Args:
             host: Where the rosbridge listens.
             port: Its port.
+            field: The field that the address is the value of, for the error.
             rate_hz: How often the poses of the tip and of the proposal are sent [Hz].
             submit: Called with each report; None where something is only shown.
             refuse: Called with what is refused.
@@ -95,26 +99,13 @@ class RosLink(Closeable):
             FieldError: Nobody listens there.
         """
         module = roslibpy()
-        logging.getLogger("roslibpy").setLevel(logging.ERROR)
         self._submit, self._refuse, self._tip, self._rate_hz = submit, refuse, tip, rate_hz
-        # Twisted's reactor, the default, cannot be started a second time in a process.
-        self._ros = module.Ros(host, port, transport="asyncio")
-        try:
-            self._ros.run(timeout=PATIENCE_S)
-        except Exception as error:
-            with suppress(Exception):
-                self._ros.close()
-            raise FieldError(
-                "ros",
-                f"ws://{host}:{port}",
-                f"no rosbridge answers there ({error}). Start it, or name another.",
-            ) from error
-        self._topics = {
-            name: module.Topic(self._ros, name, kind, latch=name in LATCHED) for name, kind in TYPES.items()
-        }
+        self._ros = _connected(module, host, port, field)
+        self._topics = _topics_of(module, self._ros)
         self._latest: dict[str, Message] = {}
         self._snapshot: Snapshot | None = None
-        self._is_closed, self._was_connected, self._lock = threading.Event(), True, threading.Lock()
+        self._is_closed, self._was_connected = threading.Event(), True
+        self._lock, self._latching = threading.Lock(), threading.Lock()
         if submit is not None:
             self._topics[REPORTED_TIP].subscribe(lambda message: self._hear(tip_of, message))
             self._topics[REPORTED_POINTS].subscribe(lambda message: self._hear(points_of, message))
@@ -146,8 +137,7 @@ class RosLink(Closeable):
         """Leave the rosbridge."""
         self._is_closed.set()
         self._ticking.join(timeout=2.0)
-        with suppress(Exception):  # whatever a connection that is lost says to its end
-            self._ros.close()
+        _leave(self._ros)
 
     def _hear(self, read: Callable[[Any], Report], message: Any) -> None:
         try:
@@ -161,8 +151,7 @@ class RosLink(Closeable):
         while not self._is_closed.wait(1.0 / self._rate_hz):
             is_connected = self._ros.is_connected
             if is_connected and not self._was_connected:
-                for topic, message in list(self._latest.items()):
-                    self._send(topic, message)
+                self._send_latched()
             self._was_connected = is_connected
             # No pose of before is sent after a new one.
             with self._lock:
@@ -180,8 +169,53 @@ class RosLink(Closeable):
             self._send(TIP, pose_stamped(snapshot.T_world_tip, now_s))
 
     def _send(self, topic: str, message: Message) -> None:
-        if topic in LATCHED:
+        if topic not in LATCHED:
+            self._write(topic, message)
+            return
+        # Else what is sent again could be older than what was sent meanwhile, and be the last.
+        with self._latching:
             self._latest[topic] = message
+            self._write(topic, message)
+
+    def _send_latched(self) -> None:
+        """Send all that is latched again."""
+        with self._latching:
+            for topic, message in self._latest.items():
+                self._write(topic, message)
+
+    def _write(self, topic: str, message: Message) -> None:
         # Without a connection roslibpy would keep message after message for later.
         if self._ros.is_connected:
             self._topics[topic].publish(for_bridge(message))
+
+
+def _connected(module: Any, host: str, port: int, field: str) -> Any:
+    """A client of a rosbridge that has answered.
+
+    Raises:
+        FieldError: Nobody listens there; the field is named.
+    """
+    logging.getLogger("roslibpy").setLevel(logging.ERROR)
+    # Twisted's reactor, the default, cannot be started a second time in a process.
+    ros = module.Ros(host, port, transport="asyncio")
+    # Of its own accord it would wait up to an hour between two tries.
+    ros.factory.maxDelay = MOST_BETWEEN_TRIES_S
+    try:
+        ros.run(timeout=PATIENCE_S)
+    except Exception as error:
+        _leave(ros)
+        problem = f"no rosbridge answers there ({error}). Start it, or name another."
+        raise FieldError(field, f"ws://{host}:{port}", problem) from error
+    return ros
+
+
+def _topics_of(module: Any, ros: Any) -> dict[str, Any]:
+    """All topics on a connection, by name."""
+    return {name: module.Topic(ros, name, kind, latch=name in LATCHED) for name, kind in TYPES.items()}
+
+
+def _leave(ros: Any) -> None:
+    """Close a connection, or the one that a last try may still make."""
+    with suppress(Exception):  # whatever a connection that is lost says to its end
+        ros.factory.maxRetries = 0
+        ros.factory.on_ready(lambda protocol: protocol.send_close())

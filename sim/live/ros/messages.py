@@ -160,7 +160,9 @@ def points_of(message: Any) -> PointsSensed:
     """
     stamp_s = _stamp_of(message)
     try:
-        if message["width"] * message["height"] > MOST_LISTED:
+        n_columns, n_rows = int(message["width"]), int(message["height"])
+        # Rows without points cost nothing on the wire, and so are limited too.
+        if max(n_columns, 1) * n_rows > MOST_LISTED:
             raise RefusedError("too large", f"a cloud holds more than {MOST_LISTED} points")
         rows = _rows_of(message)
         points_m = np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
@@ -190,11 +192,15 @@ def _rows_of(message: Any) -> NDArray[Any]:
         }
     )
     data = message["data"]
+    if not isinstance(data, str | bytes | list):
+        raise TypeError("its data are no bytes")
     content = base64.b64decode(data, validate=True) if isinstance(data, str) else bytes(data)
-    n, row_step = int(message["width"]), int(message["row_step"])
-    if n < 0 or len(content) != row_step * message["height"] or row_step < n * kind.itemsize:
+    n, n_rows, row_step = (int(message[key]) for key in ("width", "height", "row_step"))
+    if n < 0 or n_rows < 0 or len(content) != row_step * n_rows or row_step < n * kind.itemsize:
         raise ValueError("its data are not as many as it says")
-    rows = [np.frombuffer(content, kind, n, row * row_step) for row in range(message["height"])]
+    if n == 0:
+        return np.empty(0, kind)
+    rows = [np.frombuffer(content, kind, n, row * row_step) for row in range(n_rows)]
     return np.concatenate(rows) if rows else np.empty(0, kind)
 
 

@@ -44,7 +44,7 @@ def _link(episode: Episode, address: str) -> IgtlLink | RosLink:
 
     kind, host, port = live_address(address, "live")
     if kind == "ws":
-        return RosLink(host, port)
+        return RosLink(host, port, field="live")
     return IgtlLink(PatientFrame(episode.setup.T_world_organ), LinkSettings(host=host, port=port))
 
 

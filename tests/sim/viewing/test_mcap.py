@@ -6,18 +6,27 @@ import mujoco
 import numpy as np
 import pytest
 
+import sounding
 from sim.cli.command_line import main
+from sim.record.poses import read_poses
 from sim.record.recording import read_recording, set_state
 from sim.viewing.ros_definitions import KINDS, definition
 
 reader = pytest.importorskip("mcap_ros2.reader")
 
 
+FREE = {"scenario": "sphere", "arm": "none", "report": False, "show_progress": False}
+
+
 @pytest.fixture(scope="module")
 def topics(arm_run, tmp_path_factory):
+    """The messages of the arm's run."""
+    return topics_of(arm_run, tmp_path_factory.mktemp("mcap") / "deep" / "run.mcap")
+
+
+def topics_of(run, file):
     """The messages of a run by topic, with their times [s]."""
-    file = tmp_path_factory.mktemp("mcap") / "deep" / "run.mcap"
-    assert main(["view", str(arm_run), "--mcap", str(file)]) == 0
+    assert main(["view", str(run), "--mcap", str(file)]) == 0
     found = {}
     for message in reader.read_ros2_messages(str(file)):
         row = (message.log_time_ns / 1e9, message.ros_msg, message.schema.name)
@@ -71,6 +80,36 @@ def test_each_action_has_its_pose_map_and_curves(arm_run, topics) -> None:
     # The history keeps log-odds in steps of 0.05, which is at most 0.6 % of probability.
     assert len(values) == pytest.approx(int((probability >= 0.1).sum()), abs=2 + 0.05 * len(values))
     assert values[:, 3].max() == pytest.approx(probability.max(), abs=0.01)
+
+
+def test_the_tip_ends_where_it_sensed_in_the_drawn_organ_although_that_lay_elsewhere(tmp_path) -> None:
+    run = tmp_path / "run"
+    off = {"registration_mm": 12.0, "registration_deg": 5.0}
+    sounding.run_episode(**FREE, **off, motion="none", planner="random", steps=2, out=str(run))
+    topics, recording = topics_of(run, tmp_path / "run.mcap"), read_recording(run)
+    n_states = [len(motion.states) for motion in recording.motions.values()]
+    ends = np.cumsum(n_states) - 1
+    for end, (_, sensed, _) in zip(ends, topics["/sensed"], strict=True):
+        tip = topics["/tip"][end][1]
+        np.testing.assert_allclose(place_of(tip), place_of(sensed), atol=1e-6)
+        told, wanted = (
+            np.array([getattr(each.pose.orientation, name) for name in "wxyz"]) for each in (tip, sensed)
+        )
+        assert abs(told @ wanted) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_sweep_tells_every_reading_at_its_time(tmp_path) -> None:
+    run = tmp_path / "run"
+    sounding.run_episode(**FREE, sense="sweep", planner="find-and-outline", steps=2, out=str(run))
+    topics, recording = topics_of(run, tmp_path / "run.mcap"), read_recording(run)
+    steps, T_world_probe = read_poses(run, "readings.csv")
+    with (run / "readings.csv").open() as file:
+        times_s = [float(row["time_s"]) for row in csv.DictReader(file)]
+    assert len(steps) > 2
+    sensed = np.array([place_of(message) for _, message, _ in topics["/sensed"]])
+    np.testing.assert_allclose(sensed, T_world_probe[:, :3, 3], atol=1e-9)
+    wanted_s = [recording.begins_s[step] + time_s for step, time_s in zip(steps, times_s, strict=True)]
+    np.testing.assert_allclose([time_s for time_s, *_ in topics["/sensed"]], wanted_s, atol=1e-6)
 
 
 def test_the_surfaces_are_those_of_the_anatomy(arm_run, topics) -> None:

@@ -2,20 +2,23 @@
 
 import base64
 import struct
+import threading
 import time
 from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rosbridge_stand_in import RosbridgeStandIn
 
 from sim.errors import FieldError
 from sim.live.errors import RefusedError
+from sim.live.reports import MOST_LISTED
 from sim.live.ros.link import (
     LATCHED,
     MAP,
+    PATH,
     PROPOSED,
     REPORTED_POINTS,
     REPORTED_TIP,
@@ -100,12 +103,44 @@ def test_a_reading_of_the_topics_is_learnt_and_the_map_shows_it(served, bridge) 
 
 
 def test_a_bridge_that_is_restarted_gets_all_that_is_latched_again(served, bridge) -> None:
-    bridge.wait_for(lambda own: {PROPOSED, MAP, SURFACES} <= own.latest.keys())
+    trajectory = {"joint_names": ["a"], "points": []}
+    served.link.publish_path(trajectory)
+    bridge.wait_for(lambda own: {PROPOSED, *LATCHED} <= own.latest.keys())
     bridge.drop_clients()
-    bridge.wait_for(lambda own: {PROPOSED, MAP, SURFACES} <= own.latest.keys())
+    bridge.wait_for(lambda own: {PROPOSED, *LATCHED} <= own.latest.keys())
+    assert bridge.latest[PATH]["joint_names"] == ["a"]
     assert bridge.n_clients == 2
     bridge.wait_for(lambda own: {REPORTED_TIP, REPORTED_POINTS} <= own._subscribers.keys())
-    assert set(LATCHED) > {MAP, SURFACES}
+
+
+def test_what_is_published_while_all_is_sent_again_is_sent_last(bridge) -> None:
+    paths = [{"joint_names": [name], "points": []} for name in ("old", "new")]
+    with RosLink("127.0.0.1", bridge.port) as link:
+        link._send(SURFACES, {"markers": []})
+        link.publish_path(paths[0])
+        bridge.wait_for(lambda own: {SURFACES, PATH} <= own.latest.keys())
+        publishing = threading.Thread(target=link.publish_path, args=(paths[1],))
+        send = link._topics[SURFACES].publish
+
+        def sent_again(message) -> None:
+            send(message)
+            publishing.start()
+            publishing.join(timeout=0.5)  # it may have to wait for what is being sent again
+
+        link._topics[SURFACES].publish = sent_again
+        bridge.drop_clients()
+        bridge.wait_for(lambda own: own.counts.get(PATH) == 2)
+    assert bridge.latest[PATH]["joint_names"] == ["new"]
+
+
+def test_a_bridge_that_is_gone_is_looked_for_every_two_seconds(bridge) -> None:
+    with RosLink("127.0.0.1", bridge.port) as link:
+        factory, waits_s = link._ros.factory, []
+        factory._open_connection = lambda: None
+        for _ in range(8):
+            factory._schedule_reconnect()
+            waits_s.append(factory._reconnect_delay)
+    assert max(waits_s) == 2.0
 
 
 def test_what_cannot_be_right_is_refused_and_counted(served, bridge) -> None:
@@ -149,6 +184,26 @@ def test_a_cloud_with_anything_in_a_field_is_read_or_refused(key, value) -> None
         points_of(cloud(np.zeros((2, 3)), [1, 2], **{key: value}))
 
 
+SIZES = st.integers(-2, 3) | st.integers(2**31, 2**40) | st.floats() | st.text(max_size=2)
+
+
+@settings(deadline=None, max_examples=300)
+@given(width=SIZES, height=SIZES, row_step=SIZES, data=st.sampled_from(["", "AAAA"]) | SIZES)
+@example(width=0, height=4_000_000_000, row_step=0, data="")
+@example(width="ab", height=2**40, row_step=0, data="")
+def test_a_cloud_of_any_sizes_is_read_or_refused(width, height, row_step, data) -> None:
+    changes = {"width": width, "height": height, "row_step": row_step, "data": data}
+    with suppress(RefusedError):
+        points_of(cloud(np.zeros((2, 3)), [1, 2], **changes))
+
+
+def test_rows_without_points_are_limited_as_points_are() -> None:
+    empty = cloud(np.zeros((0, 3)), [])
+    assert len(points_of(empty | {"height": MOST_LISTED}).points_m) == 0
+    with pytest.raises(RefusedError, match="more than"):
+        points_of(empty | {"height": MOST_LISTED + 1})
+
+
 @settings(deadline=None, max_examples=300)
 @given(message=JSON, key=st.sampled_from(["position", "orientation", "header", None]))
 def test_a_pose_with_anything_in_it_is_read_or_refused(message, key) -> None:
@@ -168,3 +223,5 @@ def test_a_bridge_that_is_not_there_is_told() -> None:
     free.close()
     with pytest.raises(FieldError, match=f"ws://127.0.0.1:{port}: no rosbridge answers there"):
         RosLink("127.0.0.1", port)
+    with pytest.raises(FieldError, match="^live=ws"):
+        RosLink("127.0.0.1", port, field="live")

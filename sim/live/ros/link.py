@@ -58,6 +58,8 @@ PATIENCE_S = 5.0
 """How long a rosbridge is waited for [s]."""
 MOST_BETWEEN_TRIES_S = 2.0
 """The longest wait between two tries to find a rosbridge again [s]."""
+MOST_UNSENT_BYTES = 16_000_000
+"""While so much waits to be sent, nothing more is: a bridge that hangs does not fill the memory."""
 
 
 def roslibpy() -> Any:
@@ -184,9 +186,16 @@ class RosLink(Closeable):
                 self._write(topic, message)
 
     def _write(self, topic: str, message: Message) -> None:
-        # Without a connection roslibpy would keep message after message for later.
-        if self._ros.is_connected:
+        # Without a connection roslibpy would keep message after message for later, and so would a bridge that hangs.
+        if self._ros.is_connected and unsent_bytes(self._ros) < MOST_UNSENT_BYTES:
             self._topics[topic].publish(for_bridge(message))
+
+
+def unsent_bytes(ros: Any) -> int:
+    """How much waits to be sent on a connection, as far as its transport tells."""
+    transport = getattr(getattr(ros.factory, "_proto", None), "transport", None)
+    size = getattr(transport, "get_write_buffer_size", None)
+    return 0 if size is None else int(size())
 
 
 def _connected(module: Any, host: str, port: int, field: str) -> Any:

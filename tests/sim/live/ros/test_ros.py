@@ -18,6 +18,7 @@ from sim.live.reports import MOST_LISTED
 from sim.live.ros.link import (
     LATCHED,
     MAP,
+    MOST_UNSENT_BYTES,
     PATH,
     PROPOSED,
     REPORTED_POINTS,
@@ -25,6 +26,7 @@ from sim.live.ros.link import (
     SURFACES,
     TIP,
     RosLink,
+    unsent_bytes,
 )
 from sim.live.ros.messages import points_of, tip_of
 
@@ -141,6 +143,21 @@ def test_a_bridge_that_is_gone_is_looked_for_every_two_seconds(bridge) -> None:
             factory._schedule_reconnect()
             waits_s.append(factory._reconnect_delay)
     assert max(waits_s) == 2.0
+
+
+def test_a_bridge_that_hangs_is_sent_nothing_more(bridge) -> None:
+    """The transport is the real one, whose socket the other side does not read."""
+    with RosLink("127.0.0.1", bridge.port) as link:
+        assert unsent_bytes(link._ros) == 0
+        transport, sent = link._ros.factory._proto.transport, []
+        link._topics[SURFACES].publish = sent.append
+        waiting = [MOST_UNSENT_BYTES - 1, MOST_UNSENT_BYTES]
+        transport.get_write_buffer_size = lambda: waiting[0]
+        link._send(SURFACES, {"markers": []})
+        waiting.reverse()
+        link._send(SURFACES, {"markers": []})
+        assert len(sent) == 1
+        waiting[0] = 0
 
 
 def test_what_cannot_be_right_is_refused_and_counted(served, bridge) -> None:

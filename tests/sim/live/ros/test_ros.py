@@ -234,7 +234,8 @@ def test_a_pose_with_anything_in_it_is_read_or_refused(message, key) -> None:
         tip_of(message if key is None else whole)
 
 
-def test_a_bridge_that_is_not_there_is_told() -> None:
+def test_a_bridge_that_is_not_there_is_told(monkeypatch) -> None:
+    monkeypatch.setattr("sim.live.ros.link.PATIENCE_S", 0.3)
     free = RosbridgeStandIn()
     port = free.port
     free.close()

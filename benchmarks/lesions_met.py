@@ -2,9 +2,9 @@
 
 Lesions of the law by which a scenario plants them, many draws to an organ. Three orders of poses, none of which
 outlines anything or looks twice, are held against them by geometry alone: the search of find-and-outline, and two
-greedy covers that know the size of the lesions (balls even in the organ). The table has the share of the lesions that
-some pose can see of which the first k cones hold at least one of forty points, or at least a quarter of them. What a
-planner finds within as many actions can hardly be more, since it also has to outline.
+greedy covers that know the size of the lesions (balls inside the organ, even in place). The table has the share of
+the lesions that some pose can see of which the first k cones hold at least one of forty points, or at least a quarter
+of them. What a planner finds within as many actions can hardly be more, since it also has to outline.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from mapping import MapSettings
-from planner import visibility
+from planner import FindAndOutline, visibility
 from planner.find_and_outline.hidden_balls import BallPrior, hidden_balls
 from sim.episode.scenario import GENERATED_LIVER
 from sim.episode.scenario_file import load_scenario
@@ -35,7 +35,8 @@ SEARCHES = {
     ),
 }
 """The balls that each search goes by, diameters in the names."""
-FADING = 0.03
+FADING = FindAndOutline().fading
+"""What is left of the weight of a ball that a pose found, as in the planner."""
 CLASSES_MM = {"5-10 mm": (5.0, 10.0), "10-20 mm": (10.0, 20.0), "above 20 mm": (20.0, np.inf)}
 N_POINTS = 40
 QUARTER = 0.25
@@ -58,7 +59,7 @@ class Options:
 
 def order_of(setup: Setup, prior: BallPrior, n: int) -> list[int]:
     """The first poses of a search that finds nothing."""
-    balls = hidden_balls(setup.workspace, setup.cone, setup.search_points_m, None, prior)
+    balls = hidden_balls(setup.workspace, setup.cone, setup.search_points_m, setup.surface_distance_m, prior)
     left, order = balls.weights.copy(), list[int]()
     while len(order) < n:
         order.append(int(np.argmax(balls.newly_found(left))))
@@ -86,11 +87,11 @@ def main(options: Options) -> None:
     """Print the table."""
     lesions: list[tuple[float, NDArray[np.float64]]] = []
     scenario = load_scenario(options.scenario)
-    n_organs = options.organs if scenario.has_organ(GENERATED_LIVER) else 1
+    is_generated = scenario.has_organ(GENERATED_LIVER)
+    n_organs = options.organs if is_generated else 1
     for seed in tqdm(range(options.first, options.first + n_organs), unit="organ"):
-        setup = build_setup(
-            replace(scenario, organ_seed=seed) if n_organs > 1 else scenario, None, MapSettings()
-        )
+        of_seed = replace(scenario, organ_seed=seed) if is_generated else scenario
+        setup = build_setup(of_seed, None, MapSettings())
         orders = [order_of(setup, prior, max(options.actions)) for prior in SEARCHES.values()]
         for draw in range(options.draws):
             lesions += shares_met(setup, orders, np.random.default_rng([seed, draw]))

@@ -1,25 +1,26 @@
 """How much of a score is the planner's, and how much the map's? Planners crossed with maps, on the same readings.
 
     .venv/bin/python -m benchmarks.planners_by_maps [--scenario spheres] [--seeds 40] [--at 20 50] [--jobs 2]
+        [--out renders/planners_by_maps.jsonl]
 
 Each planner plays an episode with the map that it prefers, without an arm; then every map learns its readings. So a
 row has the readings of one planner, a column one map, and all of them the same tumours. Below stand the paired
 differences between the first planner and the others on each map, and, for the first planner's readings, between the
-first map and the others.
+first map and the others. The file `--out` keeps each episode as it ends, so the benchmark, called again, goes on where
+it was stopped. A change of the code needs a new file.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import tyro
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from mapping import DetailedMap, DetailSettings, HilbertMap, MapSettings, average_precision
 from planner import make_planner
@@ -30,6 +31,8 @@ from sim.episode.scenario_file import load_scenario
 from sim.episode.setup import Setup, build_setup
 from sim.tables import markdown_table
 from sim.world.sensing.reading import Reading
+
+from .kept_episodes import KeptEpisodes
 
 MAPS: dict[str, tuple[MapSettings, DetailSettings | None]] = {
     "in detail": (MapSettings(), DetailSettings()),
@@ -60,6 +63,9 @@ class Options:
     first: int = 0
     """First seed."""
     jobs: int = 2
+    """Number of processes."""
+    out: Path = Path("renders/planners_by_maps.jsonl")
+    """File that keeps every episode."""
 
 
 @lru_cache(maxsize=1)
@@ -68,13 +74,19 @@ def setup_of(scenario: str) -> Setup:
     return build_setup(load_scenario(scenario), None, MapSettings())
 
 
-def play(seed: int, *, options: Options) -> NDArray[np.float64]:
-    """AUPRC after the actions asked for, shape (planners, maps, actions)."""
+def settings_of(seed_and_planner: tuple[int, str], options: Options) -> dict[str, Any]:
+    """The settings by which an episode is known."""
+    seed, planner = seed_and_planner
+    return {"scenario": options.scenario, "seed": seed, "planner": planner, "at": list(options.at)}
+
+
+def play(seed_and_planner: tuple[int, str], options: Options) -> dict[str, Any]:
+    """AUPRC on each map after the actions asked for, shape (maps, actions)."""
     with threadpool_limits(1):
-        return np.array([_scores(seed, planner, options) for planner in options.planners])
+        return {"auprc": _scores(*seed_and_planner, options)}
 
 
-def _scores(seed: int, planner_name: str, options: Options) -> list[list[float]]:
+def _scores(seed: int, planner_name: str, options: Options) -> list[list[float | None]]:
     setup, planner = setup_of(options.scenario), make_planner(planner_name)
     own = PREFERRED[planner.preferred_map]
     settings, detail = MAPS[own]
@@ -119,9 +131,13 @@ def _text(values: NDArray[np.float64]) -> str:
 def main(options: Options) -> None:
     """Print the tables."""
     seeds = range(options.first, options.first + options.seeds)
-    with ProcessPoolExecutor(options.jobs, mp_context=get_context("spawn")) as pool:
-        played = pool.map(partial(play, options=options), seeds)
-        scores = np.array(list(tqdm(played, total=len(seeds))))
+    known_by, work = partial(settings_of, options=options), partial(play, options=options)
+    jobs = [(seed, planner) for seed in seeds for planner in options.planners]
+    with KeptEpisodes[tuple[int, str]](options.out, work, known_by, n_jobs=options.jobs) as kept:
+        rows = [row["auprc"] for row in kept.rows(jobs)]
+    scores = np.array(rows, dtype=float).reshape(
+        len(seeds), len(options.planners), len(MAPS), len(options.at)
+    )
     names = list(MAPS)
     for k, n in enumerate(options.at):
         head = [f"AUPRC at {n}, readings of", *(f"map {name}" for name in names)]
@@ -144,4 +160,7 @@ def main(options: Options) -> None:
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Options))
+    # Worker processes find functions by the name of their module, which is not `__main__` there.
+    from benchmarks import planners_by_maps
+
+    planners_by_maps.main(tyro.cli(planners_by_maps.Options))

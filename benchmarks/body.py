@@ -30,12 +30,9 @@ import tyro
 from numpy.typing import NDArray
 from scipy.special import expit
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from benchmarks.calibration import calibration_slope
 from mapping import expected_calibration_error
-from sim.campaign.journal import Entry, Journal
-from sim.campaign.study import key_of
 from sim.comparison.estimates import mean_estimate
 from sim.comparison.texts import interval_text
 from sim.episode.episode import Episode
@@ -48,7 +45,8 @@ from sim.running.fields import changed
 from sim.running.parts import EpisodeParts, make_parts
 from sim.running.run_episode import make_episode
 from sim.tables import markdown_table
-from sim.workers import Workers
+
+from .kept_episodes import KeptEpisodes
 
 CASES: dict[str, dict[str, Any]] = {
     "ideal": {},
@@ -146,7 +144,7 @@ def settings_of(run: Run, options: Options) -> dict[str, Any]:
     return {"case": case, "register": register, "seed": seed, **kept, "wrong": CASES[case]}
 
 
-def play(run: Run, *, options: Options) -> Entry:
+def play(run: Run, *, options: Options) -> dict[str, Any]:
     """What became of one episode."""
     with threadpool_limits(1):
         parts = _parts(options, *run)
@@ -161,7 +159,7 @@ def play(run: Run, *, options: Options) -> Entry:
         findings = find(witness.evidence())
     early, last = steps[min(EARLY, len(steps)) - 1].body, steps[-1].body
     large = [each.is_found for each in findings.tumours if each.diameter_m >= 0.01]
-    row = {
+    return {
         "auprc": steps[-1].auprc,
         "sensed": steps[-1].sensed_fraction,
         "found": (sum(map(bool, large)), len(large)),
@@ -173,7 +171,6 @@ def play(run: Run, *, options: Options) -> Entry:
         "actions_s": actions_s,
         **in_doubt(episode),
     }
-    return {"settings": settings_of(run, options), "row": {"status": "finished", **row}}
 
 
 def in_doubt(episode: Episode) -> dict[str, list[float] | list[bool]]:
@@ -239,13 +236,10 @@ def main(options: Options) -> None:
     ]
     seeds = range(options.first, options.first + options.seeds)
     rows, ideal_s = [], np.zeros(2)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    with (
-        Workers[Run, Entry](partial(play, options=options), n_jobs=options.jobs) as workers,
-        Journal(options.out) as journal,
-    ):
+    known_by, work = partial(settings_of, options=options), partial(play, options=options)
+    with KeptEpisodes[Run](options.out, work, known_by, n_jobs=options.jobs) as kept:
         for case, register in ways:
-            runs = played([(case, register, seed) for seed in seeds], workers, journal, options)
+            runs = kept.rows([(case, register, seed) for seed in seeds], f"{case} {register}")
             rows.append(row(case, register, runs, ideal_s))
             if options.motion == "servo":
                 print(f"force off by at most {max(each['force_off'] for each in runs):.2%}")
@@ -253,18 +247,6 @@ def main(options: Options) -> None:
                 ideal_s = seconds(runs)
             print(" | ".join(rows[-1]), flush=True)
     print(markdown_table(HEAD, rows))
-
-
-def played(
-    todo: list[Run], workers: Workers[Run, Entry], journal: Journal, options: Options
-) -> list[dict[str, Any]]:
-    """What became of some episodes, in their order, of which only those are run that the journal lacks."""
-    keys = {run: key_of(settings_of(run, options)) for run in todo}
-    missing = [run for run in todo if keys[run] not in journal]
-    bar = tqdm(workers.in_order(missing, lost="one episode."), total=len(missing), desc=" ".join(todo[0][:2]))
-    for entry in bar:
-        journal.append(entry)
-    return [entry["row"] for entry in journal.entries([keys[run] for run in todo])]
 
 
 if __name__ == "__main__":

@@ -19,22 +19,22 @@ from typing import Any
 import numpy as np
 import tyro
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from mapping import DetailSettings, MapSettings
 from planner import FindAndOutline
-from sim.campaign.journal import Entry, Journal
-from sim.campaign.study import key_of
 from sim.comparison.estimates import mean_estimate, share_interval
 from sim.comparison.tables import interval_text
 from sim.episode.episode import Episode
 from sim.episode.scenario import SCENARIOS
 from sim.episode.setup import Setup, build_setup
 from sim.tables import markdown_table
-from sim.workers import Workers
 from sim.world.sensing.reading import Reading
 
+from .kept_episodes import KeptEpisodes
+
 SENSED = 0.95
+Job = tuple[int, int]
+"""Number of the case, and seed of an episode."""
 NOISE_STREAM = 1
 """Number that keeps the wrong labels apart from everything else that a seed draws."""
 
@@ -106,14 +106,16 @@ def _setup(number: int) -> Setup:
     return build_setup(scenario, None, MapSettings())
 
 
-def settings_of(number: int, seed: int, options: Options) -> dict[str, Any]:
+def settings_of(job: Job, options: Options) -> dict[str, Any]:
     """The settings by which an episode is known."""
+    number, seed = job
     limits = {"steps": options.steps, "confidence": options.confidence}
     return {"case": CASES[number].label, "seed": seed, **limits}
 
 
-def run_seed(number: int, seed: int, options: Options) -> Entry:
+def play(job: Job, *, options: Options) -> dict[str, Any]:
     """An episode: actions until 95 % was sensed (None for never), actions in all, share sensed, whether it stopped."""
+    number, seed = job
     case = CASES[number]
     told = {"false_positive_rate": case.noise, "false_negative_rate": case.noise} if case.is_told else {}
     with threadpool_limits(limits=1):
@@ -129,26 +131,7 @@ def run_seed(number: int, seed: int, options: Options) -> Entry:
             if sensings is None and (sensed or 0.0) >= SENSED:
                 sensings = step.step
         has_stopped = episode.confidence() >= options.confidence
-    row = {"sensings": sensings, "n_steps": n_steps, "sensed_fraction": sensed, "has_stopped": has_stopped}
-    return {"settings": settings_of(number, seed, options), "row": {"status": "finished", **row}}
-
-
-def _run_case(number_and_seed: tuple[int, int], *, options: Options) -> Entry:
-    return run_seed(*number_and_seed, options)
-
-
-def results(
-    number: int, options: Options, workers: Workers[tuple[int, int], Entry], journal: Journal
-) -> list[dict[str, Any]]:
-    """The episodes of a case, of which those that are not in the journal are run first."""
-    seeds = range(options.first_seeds if number == 0 else options.seeds)
-    keys = {seed: key_of(settings_of(number, seed, options)) for seed in seeds}
-    missing = [(number, seed) for seed in seeds if keys[seed] not in journal]
-    with tqdm(total=len(missing), desc=CASES[number].label, unit="episode") as progress:
-        for entry in workers.in_order(missing, lost="one episode."):
-            journal.append(entry)
-            progress.update()
-    return [entry["row"] for entry in journal.entries(keys.values())]
+    return {"sensings": sensings, "n_steps": n_steps, "sensed_fraction": sensed, "has_stopped": has_stopped}
 
 
 def table_row(number: int, rows: list[dict[str, Any]], options: Options) -> list[str]:
@@ -182,14 +165,12 @@ def main(options: Options) -> None:
     """Run the cases and print the table."""
     head = ("case", "seeds", "sensings to 95 %", "never", "stopped by itself", "after (range)", "too early")
     rows = []
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    work = partial(_run_case, options=options)
-    with (
-        Workers[tuple[int, int], Entry](work, n_jobs=options.jobs) as workers,
-        Journal(options.out) as journal,
-    ):
+    known_by, work = partial(settings_of, options=options), partial(play, options=options)
+    with KeptEpisodes[Job](options.out, work, known_by, n_jobs=options.jobs) as kept:
         for number in options.cases:
-            rows.append(table_row(number, results(number, options, workers, journal), options))
+            n_seeds = options.first_seeds if number == 0 else options.seeds
+            played = kept.rows([(number, seed) for seed in range(n_seeds)], CASES[number].label)
+            rows.append(table_row(number, played, options))
             print(" | ".join(rows[-1]), flush=True)
     print(markdown_table(head, rows))
 

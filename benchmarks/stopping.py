@@ -21,20 +21,17 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
-from tqdm import tqdm
 
 from mapping import DetailSettings, MapSettings
 from planner import FindAndOutline, LesionPrior
-from sim.campaign.journal import Entry, Journal
-from sim.campaign.study import key_of
 from sim.comparison.estimates import mean_estimate, share_interval
 from sim.comparison.tables import interval_text
 from sim.episode.episode import Episode
 from sim.tables import markdown_table
-from sim.workers import Workers
 from sim.world.anatomy.tumour_shapes import ball_shape
 from sim.world.solids.solid import Solid
 
+from .kept_episodes import KeptEpisodes
 from .planted_lesions import EXPECTED, HARD, HINGES_M, n_finders, planted, setup_of
 
 TOLD = LesionPrior(median_diameter_m=0.009, diameter_spread=0.065)
@@ -46,6 +43,8 @@ CASES: dict[str, tuple[str, LesionPrior]] = {
 }
 """Which lesions are planted, and which are expected."""
 RULES = ("confidence", "cost")
+Job = tuple[str, str, int]
+"""Case, rule and seed of an episode."""
 EVERY = 10
 """What is stated is kept after each of so many actions."""
 SMALL_RADIUS_M = 0.004
@@ -76,8 +75,9 @@ class Options:
     """File that keeps every episode."""
 
 
-def run(case: str, rule: str, seed: int, options: Options) -> Entry:
+def play(job: Job, *, options: Options) -> dict[str, Any]:
     """An episode: actions, how it ended, what was missed, and what was stated on the way."""
+    case, rule, seed = job
     kind, prior = CASES[case]
     setup, (unit_m, faces) = setup_of(), ball_shape()
     balls = planted(setup, kind, np.random.default_rng((seed, 1)))
@@ -106,7 +106,7 @@ def run(case: str, rule: str, seed: int, options: Options) -> Entry:
             if is_sure and n_steps % EVERY == 0:
                 stated.append(statement(episode, planner, is_found, is_findable))
         left = planner.what_is_left(episode.situation())
-    row = {
+    return {
         "n": len(balls),
         "n_findable": int(is_findable.sum()),
         "n_steps": n_steps,
@@ -118,7 +118,6 @@ def run(case: str, rule: str, seed: int, options: Options) -> Entry:
         "unseeable_share": left.unseeable_share,
         "stated": stated,
     }
-    return {"settings": settings_of(case, rule, seed, options), "row": {"status": "finished", **row}}
 
 
 def statement(
@@ -141,17 +140,14 @@ def statement(
     }
 
 
-def settings_of(case: str, rule: str, seed: int, options: Options) -> dict[str, Any]:
+def settings_of(job: Job, options: Options) -> dict[str, Any]:
     """The settings by which an episode is known."""
+    case, rule, seed = job
     limits = {"steps": options.steps, "confidence": options.confidence, "miss_cost": options.miss_cost}
     return {"case": case, "rule": rule, "seed": seed, **limits}
 
 
-def _run(job: tuple[str, str, int], *, options: Options) -> Entry:
-    return run(*job, options)
-
-
-def jobs_of(options: Options) -> list[tuple[str, str, int]]:
+def jobs_of(options: Options) -> list[Job]:
     """All episodes; the confidence does not go by what is expected, so that it runs where nothing is told."""
     n_seeds = {case: options.seeds if case == HARD else options.few_seeds for case in CASES}
     return [
@@ -230,22 +226,15 @@ def count_text(some: list[dict[str, Any]]) -> str:
 
 def main(options: Options) -> None:
     """Run the cases and print the tables."""
-    options.out.parent.mkdir(parents=True, exist_ok=True)
     rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
-    jobs = jobs_of(options)
-    keys = {job: key_of(settings_of(*job, options)) for job in jobs}
-    with (
-        Workers[tuple[str, str, int], Entry](partial(_run, options=options), n_jobs=options.jobs) as workers,
-        Journal(options.out) as journal,
-    ):
-        missing = [job for job in jobs if keys[job] not in journal]
-        with tqdm(total=len(missing), unit="episode") as progress:
-            for entry in workers.in_order(missing, lost="one episode."):
-                journal.append(entry)
-                progress.update()
-        for job in jobs:
-            [entry] = journal.entries([keys[job]])
-            rows.setdefault(job[:2], []).append(entry["row"])
+    jobs, known_by, work = (
+        jobs_of(options),
+        partial(settings_of, options=options),
+        partial(play, options=options),
+    )
+    with KeptEpisodes[Job](options.out, work, known_by, n_jobs=options.jobs) as kept:
+        for (case, rule, _), row in zip(jobs, kept.rows(jobs), strict=True):
+            rows.setdefault((case, rule), []).append(row)
     print(stop_table(rows, options))
     for (case, rule), some in rows.items():
         if rule == "confidence":

@@ -47,6 +47,7 @@ EXTRAS = {
     "igtl": Extra("pyigtl", "pyigtl", "OpenIGTLink, as 3D Slicer speaks it (`sounding serve`)"),
     "ros": Extra("roslibpy", "roslibpy", "ROS by a rosbridge (`sounding serve`)"),
     "mcap": Extra("mcap-ros2-support", "mcap_ros2", "recordings for Foxglove (`sounding view`)"),
+    "usd": Extra("usd-core", "pxr", "USD stages of runs for renderers (`sounding view`)"),
     "dicom": Extra("highdicom", "highdicom", "DICOM: a SEG as an organ, maps as SEG (`sounding export`)"),
     "toppra": Extra(
         "toppra", "toppra", "the fastest timing of the arm's motions, which are slower without it"

@@ -70,6 +70,7 @@ WITHIN = {
     "sim.live.igtl": "sim.live",
     "sim.live.arm": "sim.live",
     "sim.live.ros": "sim.live",
+    "sim.viewing.usd": "sim.viewing",
     "sim.episode.sweeping": "sim.episode",
     "sim.running.placing": "sim.running",
     "sim.running.live": "sim.running",

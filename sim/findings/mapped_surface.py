@@ -7,8 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import logit
 from skimage.measure import marching_cubes
 
+from sim.record.map_field import called_from
+from sim.record.run_record import RunRecord
 from sim.world.errors import MeshError
 from sim.world.solids.solid import Solid
 from sim.world.solids.surface_distance import SurfaceDistance
@@ -22,6 +25,8 @@ MARGIN = 3
 N_SURFACE_POINTS = 3000
 """Points strewn on each of two surfaces that are compared."""
 PERCENTILE = 95.0
+NO_TUMOUR = -6.0
+"""Log-odds outside the organ, where a surface around tumour is to close."""
 
 Field = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -106,6 +111,29 @@ def surface_of(grid: Grid, values: NDArray[np.float64]) -> Solid | None:
         return Solid(grid.low_m + vertices * grid.spacing_m, faces[:, ::-1])
     except MeshError:
         return None
+
+
+def surface_after(record: RunRecord, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
+    """The surface around what a run's map called tumour after an action, or None where that map was not kept.
+
+    Args:
+        record: The run, or its second class.
+        step: The action, from 1 on.
+
+    Returns:
+        Vertices, world frame [m], shape (V, 3), and triangles, shape (F, 3); none where the map called nothing tumour.
+    """
+    field = record.field
+    if field is None or step not in record.history:
+        return None
+    level = float(logit(called_from(record.config["map"]["prior_prevalence"])))
+    block = np.full(field.is_inside.shape, NO_TUMOUR)
+    block[field.is_inside] = record.history[step]
+    block = np.pad(block - level, 1, constant_values=NO_TUMOUR)
+    if not (block > 0).any():
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    vertices, faces, _, _ = marching_cubes(block, level=0.0)
+    return field.low_m + (vertices - 1) * field.cell_m, faces[:, ::-1].astype(np.int64)
 
 
 def surface_gap(one: Solid, other: Solid, rng: np.random.Generator) -> tuple[float, float]:

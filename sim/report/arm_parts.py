@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
+
 import mujoco
 import numpy as np
 import trimesh
@@ -20,15 +22,28 @@ SECTIONS = 32
 """Sides of a cylinder."""
 
 
-def arm_parts(recording: Recording) -> list[tuple[str, NDArray[np.float64], trimesh.Trimesh]]:
-    """The visible parts of arm and probe, one for each body and colour: body's name, colour (3,), mesh in its frame."""
-    model = recording.scene.model
+Part = tuple[str, NDArray[np.float64], trimesh.Trimesh]
+"""A body's name, the colour of a part of it, shape (3,), and that part as a mesh in the body's frame."""
+
+
+def arm_parts(recording: Recording) -> list[Part]:
+    """The visible parts of arm and probe, one for each body and colour."""
+    return _parts(recording.scene.model, ("arm_", "probe_"), {Group.ARM})
+
+
+def table_parts(recording: Recording) -> list[Part]:
+    """The parts of the operating table, one for each colour; its body does not move."""
+    return _parts(recording.scene.model, ("table",), {Group.SCENERY})
+
+
+def _parts(model: mujoco.MjModel, begins: tuple[str, ...], groups: Container[int]) -> list[Part]:
+    """The parts, in some groups of geoms, of the bodies whose names begin so."""
     parts = []
     for body in range(model.nbody):
         name = model.body(body).name
-        if not name.startswith(("arm_", "probe_")):
+        if not name.startswith(begins):
             continue
-        geoms = [g for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_group[g] == Group.ARM]
+        geoms = [g for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_group[g] in groups]
         meshes = [_geom_mesh(model, int(g)) for g in geoms]
         colours = [_colour(model, int(g)) for g in geoms]
         for colour in sorted(set(colours)):

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logit
-from skimage.measure import marching_cubes
 
 from sim.colours import trace_rgb
-from sim.record.map_field import called_from
+from sim.findings.mapped_surface import surface_after
 from sim.record.recording import Recording
 from sim.record.run_record import RunRecord
 from sim.world.optional import optional_module
@@ -76,9 +74,10 @@ def _log_action(rr: Any, stream: Any, record: RunRecord, index: int, T: NDArray[
         "world/poses", rr.Points3D(record.T_world_probe[: index + 1, :3, 3], radii=0.0025, colors=[PROBE])
     )
     for name, each, colour in (("map", record, MAP), ("target_map", record.target, SECOND_MAP)):
-        surface = None if each is None else _map_surface(each, index + 1)
+        surface = None if each is None else surface_after(each, index + 1)
         if surface is not None:
             vertices_m, faces = surface
+            vertices_m = vertices_m if len(faces) else np.zeros((1, 3))  # Rerun refuses a mesh of nothing
             mesh = rr.Mesh3D(vertex_positions=vertices_m, triangle_indices=faces, albedo_factor=colour)
             stream.log(f"world/{name}", mesh)
     for name in CURVES:
@@ -99,21 +98,6 @@ def _log_trace(rr: Any, stream: Any, recording: Recording) -> None:
         _set_time(stream, action, end_s)
         colour = [round(255 * each) for each in trace_rgb(end_s / recording.duration_s)]
         stream.log(f"world/trace/{row}", rr.LineStrips3D([piece_m], radii=0.0012, colors=[colour]))
-
-
-def _map_surface(record: RunRecord, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]] | None:
-    """The surface around what a map calls tumour, empty where it calls nothing so; None where the map was not kept."""
-    field = record.field
-    if field is None or step not in record.history:
-        return None
-    level = float(logit(called_from(record.config["map"]["prior_prevalence"])))
-    block = np.full(field.is_inside.shape, -6.0)
-    block[field.is_inside] = record.history[step]
-    block = np.pad(block - level, 1, constant_values=-6.0)
-    if not (block > 0).any():
-        return np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)
-    vertices, faces, _, _ = marching_cubes(block, level=0.0)
-    return field.low_m + (vertices - 1) * field.cell_m, faces
 
 
 def _mesh(rr: Any, solid: Solid, colour: tuple[int, int, int, int]) -> Any:

@@ -110,11 +110,11 @@ class Episode:
         self._plans_for_target, self._casts_rays = plans_for_target, casts_rays
         self._scene_state = SceneState(scene, self.data)
         self._sensor = ConeSensor() if sensor is None else sensor
-        self._motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
+        self.motion_model, self._sensing_s = motion_model or make_motion_model(setup), sensing_s
         self.body: Body | None = None
         if body is not None:
             self.body = Body(body, setup, self._scene_state, self.truth.anatomy, body_rng)
-            self._motion_model = self.body.followed_by(self._motion_model)
+            self.motion_model = self.body.followed_by(self.motion_model)
         self.first_seen = never(len(self.truth.anatomy.detection_points_m))
         self.readings: list[LabelledPoints] = []
         self.sensed: list[int] = []
@@ -127,7 +127,7 @@ class Episode:
     @property
     def notices(self) -> tuple[str, ...]:
         """What is to be known about the truth and about the motion, a sentence each."""
-        return (*self.truth.anatomy.notices, *self._motion_model.notices)
+        return (*self.truth.anatomy.notices, *self.motion_model.notices)
 
     def steps(
         self,
@@ -180,9 +180,9 @@ class Episode:
         start_s = perf_counter()
         situation = self.situation()
         approach = approach_first(
-            registering_first(self._motion_model.ranking(self.planner, situation), situation),
+            registering_first(self.motion_model.ranking(self.planner, situation), situation),
             self.setup.positioner,
-            self._motion_model,
+            self.motion_model,
             self.data,
             skipped=self.skipped,
             on_skipped=on_skipped,
@@ -192,7 +192,7 @@ class Episode:
             return None
         pose, motion = approach.pose, approach.motion
         readings, passed = list[Reading](), list[int]()
-        for halt in self._motion_model.halts(self.data, motion):
+        for halt in self.motion_model.halts(self.data, motion):
             readings.append(self._read())
             passed.append(pose if halt is None else halt)
             self._note_seen(number)
@@ -203,7 +203,7 @@ class Episode:
         self.readings += labels
         auprc = self._update(labels)
         self.sensed += passed
-        seconds = motion.motion_s + (0.0 if self._motion_model.senses_in_motion else self._sensing_s)
+        seconds = motion.motion_s + (0.0 if self.motion_model.senses_in_motion else self._sensing_s)
         return Step(
             step=number,
             pose_index=pose,
@@ -221,7 +221,7 @@ class Episode:
             update_s=perf_counter() - sensed_s,
             target=None if self.target is None else self.target.score(),
             body=None if self.body is None else self.body.done(seconds),
-            sweep=SweepScore.of(motion, readings) if self._motion_model.senses_in_motion else None,
+            sweep=SweepScore.of(motion, readings) if self.motion_model.senses_in_motion else None,
         )
 
     @property
@@ -230,7 +230,7 @@ class Episode:
 
     def situation(self) -> Situation:
         """What the planner may know now."""
-        travel = self._motion_model.travel
+        travel = self.motion_model.travel
         return Situation(
             workspace=self.setup.workspace,
             cone=self.setup.cone,

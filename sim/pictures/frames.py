@@ -41,7 +41,8 @@ def frame_renderer(episode: Episode) -> SceneRenderer:
         RenderingError: No OpenGL works here.
     """
     scene, positioner = episode.truth.scene, episode.setup.positioner
-    renderer = SceneRenderer(scene, frame_settings(episode.truth.anatomy))
+    has_trace = episode.motion_model.senses_in_motion
+    renderer = SceneRenderer(scene, frame_settings(episode.truth.anatomy, has_trace=has_trace))
     states = []
     for pose in _spread_poses(episode.setup.workspace.positions_m):
         if positioner.reach(pose).is_reached:
@@ -81,8 +82,15 @@ class EpisodeFrames(Closeable):
         samples = self._samples(self._renderer, self._overlay(steps))
         caption, anatomy = _caption(self._episode, step), self._episode.truth.anatomy
         self._pending = [job for job in self._pending if not job.done() or job.result()]
+        has_trace = self._episode.motion_model.senses_in_motion
         job = self._pool.submit(
-            _save, self._folder / name, samples, caption, anatomy, sweep=step.reading.images
+            _save,
+            self._folder / name,
+            samples,
+            caption,
+            anatomy,
+            sweep=step.reading.images,
+            has_trace=has_trace,
         )
         self._pending.append(job)
         self.draw_s += perf_counter() - start_s
@@ -144,10 +152,16 @@ def _caption(episode: Episode, step: Step) -> str:
 
 
 def _save(
-    path: Path, samples: NDArray[np.uint8], caption: str, anatomy: Anatomy, *, sweep: Sweep | None
+    path: Path,
+    samples: NDArray[np.uint8],
+    caption: str,
+    anatomy: Anatomy,
+    *,
+    sweep: Sweep | None,
+    has_trace: bool,
 ) -> None:
     """Write a frame, with the B-mode picture beside the scene where the sensor drew one."""
-    pixels = captioned(averaged(samples), caption, anatomy)
+    pixels = captioned(averaged(samples), caption, anatomy, has_trace=has_trace)
     if sweep is not None:
         pixels = np.hstack([pixels, bmode_panel(sweep, len(pixels))])
     with replacing(path) as file:

@@ -76,7 +76,10 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
     """The frames in order, each of shape (height, width, 3)."""
     data = recording.scene.new_data()
     anatomy = recording.scene.anatomy
-    size = frame_settings(anatomy, width_px=settings.width_px, height_px=settings.height_px)
+    has_trace = recording.readings is not None
+    size = frame_settings(
+        anatomy, width_px=settings.width_px, height_px=settings.height_px, has_trace=has_trace
+    )
     with SceneRenderer(recording.scene, size) as renderer:
         _show_all(renderer, recording)
         for frame in tqdm(range(n_frames), desc="rendering", unit="frame", mininterval=0.5):
@@ -92,7 +95,7 @@ def _pictures(recording: Recording, settings: VideoSettings, n_frames: int) -> I
             caption = f"{recording.folder.name}   ·   action {step}   ·   {time_s:.1f} s"
             with moved_anatomy(data, T):
                 picture = renderer.render(data, overlay)
-            yield captioned(picture, caption, anatomy)
+            yield captioned(picture, caption, anatomy, has_trace=has_trace)
 
 
 def _show_all(renderer: SceneRenderer, recording: Recording) -> None:

@@ -527,7 +527,7 @@ const makeView = (data, array, histories, { part, onPick, onLook }) => {
     ["structures", "Vessels and the like", structures, "structure", namesOf(false)],
     ["keepouts", "Must not be pressed", keepouts, "keepout", namesOf(true)],
     ["poses", "Sensing poses", past, "probe"], ["cone", "Cone", sweep, "probe"], ["arm", data.base ? "Arm" : "Probe", arm, null],
-    ["trace", "Way on the organ", traced, null, "from dark violet at the beginning to yellow at the end, with a ball at each reading"], ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
+    ["trace", "Way on the organ", traced, "trace", "from dark violet at the beginning to yellow at the end, with a ball at each reading"], ["way", "Way of the tip", way, null], ["refused", "Not reachable", refused, null],
     ["frames", "Axes", frames, null], ["table", "Table", table, null],
   ].filter(([name, , group]) => !(["structures", "keepouts"].includes(name) && !group.children.length) && !(name === "map" && !data.map) && !(name === "arm" && !data.arm) && !(name === "way" && !wayLine) && !(name === "trace" && !trace)
     && !(name === "refused" && !data.skipped.length) && !(name === "truth" && !data.tumours.length)

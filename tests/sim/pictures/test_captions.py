@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from sim.colours import trace_rgb
 from sim.pictures.captions import CAPTION_PX, PAPER, captioned, frame_settings, key_of
 from sim.world.anatomy.structures import Structure
 from sim.world.camera.rendering import PATH_RGBA
@@ -49,3 +50,13 @@ def test_caption_and_key_stand_in_the_room_that_the_camera_leaves(ball_anatomy):
     assert settings.above_px == CAPTION_PX
     assert (picture[: settings.above_px] != 120).any()
     assert (picture[settings.height_px - settings.below_px :] != 120).all(axis=-1).mean() > 0.9
+
+
+def test_the_key_of_a_sweep_tells_the_ages_of_its_trace(ball_anatomy):
+    plain, swept = (np.asarray(key_of(ball_anatomy, 960, 720, has_trace=has)).astype(int) for has in (0, 1))
+    assert not (np.abs(plain - rgb(trace_rgb(1.0))).max(axis=-1) <= 2).any()
+    for age in (0.0, 0.5, 1.0):
+        near = np.abs(swept - rgb(trace_rgb(age))).max(axis=-1) <= 2
+        assert near.sum() >= 7  # a column
+    room = frame_settings(ball_anatomy, width_px=960, height_px=720, has_trace=True).below_px
+    assert room == len(swept)

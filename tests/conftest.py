@@ -13,7 +13,7 @@ import pytest
 import trimesh
 from chromium import NoBrowserError, running_chromium
 from hypothesis import HealthCheck, settings
-from shared_runs import make_arm_run, make_two_class_run, without_figures
+from shared_runs import make_arm_run, make_sweep_run, make_two_class_run, without_figures
 
 from mapping import MapSettings
 from planner import Cone
@@ -157,6 +157,12 @@ def arm_run(made_once) -> Path:
 def two_class_run(made_once) -> Path:
     """The folder of a finished run on an organ with tumours and a second class."""
     return made_once("two-classes", make_two_class_run) / "run"
+
+
+@pytest.fixture(scope="session")
+def sweep_run(made_once) -> Path:
+    """The folder of a finished run that senses along the way, without an arm and without a report."""
+    return made_once("sweep", make_sweep_run)
 
 
 @pytest.fixture

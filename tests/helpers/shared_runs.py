@@ -22,6 +22,16 @@ ARM_RUN = (
 )
 """A run with the embedded arm, which stands at `ARM_BASE_M` and is turned to the right, with the default planner."""
 
+N_SWEEPS = 3
+SWEEP_OPTIONS = {
+    "scenario": "sphere",
+    "planner": "find-and-outline",
+    "arm": "none",
+    "seed": 0,
+    "sense": "sweep",
+}
+"""A run of a free probe that senses along the way."""
+
 
 def make_arm_run(folder: Path) -> None:
     """Run `ARM_RUN` by the command as a stranger does; what it printed is kept beside the folder."""
@@ -38,6 +48,13 @@ def make_two_class_run(folder: Path) -> None:
     command = ["episode", "--scenario", str(write_meshes(folder)), "--steps", str(N_ACTIONS), "--seed", "2"]
     command += ["--arm", "none", "--plan-for", "target", "--frames", "last", "--out", str(folder / "run")]
     assert main(command) == 0
+
+
+def make_sweep_run(folder: Path) -> None:
+    """Run `SWEEP_OPTIONS`, without a report."""
+    words = [part for name, value in SWEEP_OPTIONS.items() for part in (f"--{name}", str(value))]
+    with without_figures():
+        assert main(["episode", *words, "--steps", str(N_SWEEPS), "--no-report", "--out", str(folder)]) == 0
 
 
 @contextmanager

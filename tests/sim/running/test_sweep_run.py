@@ -7,7 +7,8 @@ import json
 
 import numpy as np
 import pytest
-from shared_runs import without_figures
+from shared_runs import N_SWEEPS as N_ACTIONS
+from shared_runs import SWEEP_OPTIONS as OPTIONS
 
 from sim.cli.command_line import main
 from sim.episode.measures import NEVER
@@ -21,20 +22,10 @@ from sim.running.fields import config_of
 from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode
 
-N_ACTIONS = 3
-OPTIONS = {"scenario": "sphere", "planner": "find-and-outline", "arm": "none", "seed": 0, "sense": "sweep"}
-
 
 @pytest.fixture(scope="module")
-def run(made_once):
-    def make(folder) -> None:
-        words = [part for name, value in OPTIONS.items() for part in (f"--{name}", str(value))]
-        with without_figures():
-            assert (
-                main(["episode", *words, "--steps", str(N_ACTIONS), "--no-report", "--out", str(folder)]) == 0
-            )
-
-    return made_once("sweep", make)
+def run(sweep_run):
+    return sweep_run
 
 
 @pytest.fixture(scope="module")

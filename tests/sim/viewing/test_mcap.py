@@ -98,9 +98,8 @@ def test_the_tip_ends_where_it_sensed_in_the_drawn_organ_although_that_lay_elsew
         assert abs(told @ wanted) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_a_sweep_tells_every_reading_at_its_time(tmp_path) -> None:
-    run = tmp_path / "run"
-    sounding.run_episode(**FREE, sense="sweep", planner="find-and-outline", steps=2, out=str(run))
+def test_a_sweep_tells_every_reading_at_its_time(sweep_run, tmp_path) -> None:
+    run = sweep_run
     topics, recording = topics_of(run, tmp_path / "run.mcap"), read_recording(run)
     steps, T_world_probe = read_poses(run, "readings.csv")
     with (run / "readings.csv").open() as file:

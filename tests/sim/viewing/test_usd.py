@@ -185,10 +185,8 @@ def test_a_patient_who_breathes_moves_with_all_that_is_in_it(moving) -> None:
         np.testing.assert_allclose((T @ place_m)[:3], T_world(stage, "/World/Tip", time_s)[:3, 3], atol=1e-4)
 
 
-def test_a_sweep_leaves_its_trace(tmp_path) -> None:
-    run = tmp_path / "run"
-    sounding.run_episode(**FREE, sense="sweep", planner="find-and-outline", steps=2, out=str(run))
-    stage, recording = stage_of(run, tmp_path / "run.usd"), read_recording(run)
+def test_a_sweep_leaves_its_trace(sweep_run, tmp_path) -> None:
+    stage, recording = stage_of(sweep_run, tmp_path / "run.usd"), read_recording(sweep_run)
     pieces_m = recording.trace().pieces_m
     lines = [UsdGeom.BasisCurves(prim) for prim in stage.GetPrimAtPath("/World/Patient/Trace").GetChildren()]
     drawn_m = np.concatenate([np.array(each.GetPointsAttr().Get()).reshape(-1, 2, 3) for each in lines])

@@ -40,6 +40,7 @@ def write_usd(record: RunRecord, recording: Recording, path: Path) -> int:
 
     Raises:
         MissingPackageError: Pixar's library is not installed.
+        FieldError: The file cannot be written.
     """
     text = f"A run of Sounding: {record.n_steps} actions in {recording.duration_s:.1f} s."
     stage = Stage(text, recording.duration_s)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from sim.errors import FieldError
 from sim.report.creases import creased
 from sim.world.camera.viewpoint import Viewpoint
 from sim.world.optional import optional_module
@@ -54,16 +55,29 @@ class Stage:
         self._looks: dict[Colour, Any] = {}
 
     def write(self, path: Path) -> None:
-        """Write a file as its name ends, whole or not at all; one that is there is replaced."""
+        """Write a file as its name ends, whole or not at all; one that is there is replaced.
+
+        Raises:
+            FieldError: The file cannot be written.
+        """
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=".usd-") as folder:
-            whole = Path(folder, "run").with_suffix(".usdc" if path.suffix == ".usdz" else path.suffix)
-            self.usd.GetRootLayer().Export(str(whole))
-            if path.suffix == ".usdz":
-                utilities = optional_module("pxr.UsdUtils", "usd", "`usd`")
-                utilities.CreateNewUsdzPackage(str(whole), str(whole.with_suffix(".usdz")))
-                whole = whole.with_suffix(".usdz")
-            whole.replace(path)
+            try:
+                self._exported(Path(folder), path.suffix).replace(path)
+            except self._tf.ErrorException as error:
+                raise FieldError(
+                    "usd",
+                    path,
+                    "the library of USD could not write it; see whether the disk is full, or name another folder.",
+                ) from error
+
+    def _exported(self, folder: Path, suffix: str) -> Path:
+        whole = (folder / "run").with_suffix(".usdc" if suffix == ".usdz" else suffix)
+        self.usd.GetRootLayer().Export(str(whole))
+        if suffix == ".usdz":
+            utilities = optional_module("pxr.UsdUtils", "usd", "`usd`")
+            utilities.CreateNewUsdzPackage(str(whole), str(whole.with_suffix(".usdz")))
+        return whole.with_suffix(suffix)
 
     def name(self, text: str) -> str:
         """A text as the name of a prim."""

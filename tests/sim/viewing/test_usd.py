@@ -1,5 +1,7 @@
 """The USD stage of a run, read back with Pixar's library: who was where at which time, and what the map held then."""
 
+import resource
+
 import numpy as np
 import pytest
 import trimesh
@@ -203,6 +205,18 @@ def test_a_package_for_phones_holds_the_same(arm_run, tmp_path) -> None:
     assert stage.GetPrimAtPath("/World/Patient/Organ/organ")
     # Nothing is left beside it.
     assert [path.name for path in tmp_path.iterdir()] == ["run.usdz"]
+
+
+@pytest.mark.parametrize("name", ["run.usdc", "run.usda", "run.usdz"])
+def test_a_disk_that_is_full_is_told_and_leaves_nothing(arm_run, tmp_path, capsys, name) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, limits[1]))
+    try:
+        assert main(["view", str(arm_run), "--usd", str(tmp_path / name)]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert "disk is full" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_bad_options_and_a_missing_extra_are_told(arm_run, tmp_path, capsys, monkeypatch) -> None:

@@ -46,10 +46,9 @@ doctor:
 	@FRAMES=none sh .ci/setup
 	@.venv/bin/sounding doctor
 
-# With one BLAS thread each, the pools of NumPy and SciPy do not take the cores from each other. One process more than there
-# are cores, four at most: many tests wait for programs that they start.
+# With one BLAS thread each, the pools of NumPy and SciPy do not take the cores from each other.
 test: setup-dev
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n $$(.venv/bin/python -c "import os; print(min(os.cpu_count() + 1, 4))") $(TESTS)
+	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n auto --maxprocesses 4 $(TESTS)
 
 check:
 	@FRAMES=none sh .ci/setup lint

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-
-from mapping.trust.judging import n_together
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from ..reading import Reading
 from ..sensor import SceneState, Sensor
@@ -52,5 +52,16 @@ class ReadingSensor(Sensor):
         told = np.clip(log_odds - self.reader.weights.prior_log_odds, -MOST_LOG_ODDS, MOST_LOG_ODDS)
         # Between the odds of any cell and one half a point is called free though it speaks for tumour: it says nothing.
         told = np.where(reading.is_occupied, np.maximum(told, 0.0), np.minimum(told, 0.0))
-        weight = 1.0 / n_together(reading.points_m, reading.is_occupied, TOGETHER_M)
+        weight = 1.0 / _n_together(reading.points_m, reading.is_occupied)
         return replace(reading, log_odds=told, weight=weight)
+
+
+def _n_together(points_m: NDArray[np.float64], is_occupied: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The number of labels that agree with each within `TOGETHER_M`, itself included, shape (N,)."""
+    count = np.ones(len(points_m), dtype=np.int64)
+    for kind in (True, False):
+        own = np.flatnonzero(is_occupied == kind)
+        if own.size:
+            tree = KDTree(points_m[own])
+            count[own] = tree.query_ball_point(points_m[own], TOGETHER_M, return_length=True)
+    return count

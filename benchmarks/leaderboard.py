@@ -33,7 +33,8 @@ checks. Do not edit it. Scores of a quick tier are of one to six seeds: too few 
 the full tier."""
 LIMIT_NOTE = (
     "The limit is the least mean of any policy on the task's scenario, adaptive or drawn by lot, and in brackets what "
-    "it is at least with 95 % confidence ([bound.md](bound.md)). It is no bound on the mean of a few seeds."
+    "it is at least with 95 % confidence ([bound.md](bound.md)). It is no bound on the mean of a few seeds. It was proven "
+    "on {n_places:,} places of the tumour; more places prove more."
 )
 
 
@@ -102,9 +103,10 @@ def scores_table(task: Task, submissions: dict[str, dict[str, Any]]) -> str:
     rows = [(name, tier, str(part["n"]), score_text(part)) for name, part, tier in found]
     more = ""
     if (limit := LIMITS.get(task.name)) is not None:
-        least = json.loads(limit.read_text(encoding="utf-8"))["policy"]["generator"]
+        bound = json.loads(limit.read_text(encoding="utf-8"))
+        least = bound["policy"]["generator"]
         rows.append(("*the limit*", "", "", f"{least['least_mean']:.2f} [{least['least_mean_95']:.2f}]"))
-        more = f"\n\n{LIMIT_NOTE}"
+        more = "\n\n" + LIMIT_NOTE.format(n_places=bound["n_places"])
     better = "fewer" if task.direction == "lower" else "more"
     told = f"{task.title}. At most {task.steps} actions; {SCORES[task.score]}, {better} is better."
     return f"### {task.name}\n\n{told}\n\n{markdown_table(('submission', 'tier', 'trials', 'score'), rows)}{more}"

@@ -33,8 +33,8 @@ checks. Do not edit it. Scores of a quick tier are of one to six seeds: too few 
 the full tier."""
 LIMIT_NOTE = (
     "The limit is the least mean of any policy on the task's scenario, adaptive or drawn by lot, and in brackets what "
-    "it is at least with 95 % confidence ([bound.md](bound.md)). It is no bound on the mean of a few seeds. It was proven "
-    "on {n_places:,} places of the tumour; more places prove more."
+    "it is at least with 95 % confidence ([bound.md](bound.md)). It is no bound on the mean of a few seeds. It was "
+    "proven on {n_places:,} places of the tumour; more places prove more."
 )
 
 

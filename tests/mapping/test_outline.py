@@ -15,9 +15,11 @@ STRAY_M = 0.002
 SAID = 6.0, -2.5
 
 
-def view(drawn_m: float, seed: int = 0, n: int = 4000, long_m: float = 0.04) -> LabelledPoints:
-    """A box of 4 x 2 x 2 cm, or of another length, whose right side, from a plane on, is called tumour."""
-    half_m = np.array([0.5 * long_m, 0.01, 0.01])
+def view(
+    drawn_m: float, seed: int = 0, n: int = 4000, size_m: tuple[float, float, float] = (0.04, 0.02, 0.02)
+) -> LabelledPoints:
+    """A box of 4 x 2 x 2 cm, or of another size, whose right side, from a plane on, is called tumour."""
+    half_m = 0.5 * np.array(size_m)
     points_m = np.random.default_rng(seed).uniform(-half_m, half_m, (n, 3))
     is_tumour = points_m[:, 0] > drawn_m
     return LabelledPoints(points_m, is_tumour, np.where(is_tumour, *SAID), np.full(n, 0.1))
@@ -33,8 +35,8 @@ def test_labels_are_as_often_wrong_as_their_log_odds_say() -> None:
     said, wrong = [], []
     for seed in range(400):
         drawn_m = STRAY_M * rng.standard_normal()
-        # As dense as 8,000 in a box of 4 cm, and as long as what is looked at.
-        own = heeding_outline(view(drawn_m, seed, n=5600, long_m=0.028), STRAY_M)
+        # As dense as 8,000 in a box of 4 cm, and little larger than what is looked at.
+        own = heeding_outline(view(drawn_m, seed, n=3600, size_m=(0.028, 0.016, 0.016)), STRAY_M)
         # Labels of tumour are capped by what they were worth, and free ones are not.
         is_near = (np.abs(own.points_m[:, 1:]) < 0.006).all(axis=1) & ~own.is_occupied
         is_near &= own.points_m[:, 0] > drawn_m - 0.008

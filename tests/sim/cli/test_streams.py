@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = f"{sys.executable} -m sim.cli"
-EPISODE = f"{COMMAND} episode --scenario sphere --planner random --steps 1 --arm none --out"
+EPISODE = f"{COMMAND} episode --planner random --steps 1 --arm none"
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="speaks to a POSIX shell")
 
@@ -43,8 +43,11 @@ def said(errors: bytes) -> list[str]:
     ],
 )
 def test_an_episode_ends_well_wherever_it_prints(tmp_path, redirection, environment) -> None:
-    out = tmp_path / "läsion"
-    done = shell(f"{EPISODE} '{out}' {redirection}", **environment)
+    out, case = tmp_path / "läsion", tmp_path / "case.toml"
+    case.write_text(
+        'base = "sphere"\nn_poses = 60\nscore_spacing_m = 0.016\n'
+    )  # nothing depends on how fine it is
+    done = shell(f"{EPISODE} --scenario {case} --out '{out}' {redirection}", **environment)
     assert done.returncode == 0
     assert not said(done.stderr)
     assert json.loads((out / "manifest.json").read_text())["status"] == "finished"

@@ -31,8 +31,8 @@ class KeptEpisodes(Closeable, Generic[Job]):
         """Open the file, which is made where there is none. `play` runs in worker processes, and is sent to them."""
         file.parent.mkdir(parents=True, exist_ok=True)
         self.settings_of = settings_of
-        self._workers = Workers[Job, Row](play, n_jobs=n_jobs)
         self._journal = Journal(file)
+        self._workers = Workers[Job, Row](play, n_jobs=n_jobs)
 
     def rows(self, jobs: Sequence[Job], label: str = "") -> list[Row]:
         """The rows of the jobs, in their order. Those that the file lacks are played first."""

@@ -165,6 +165,7 @@ def _put_trace(stage: Stage, recording: Recording) -> None:
 
 
 def _put_table(stage: Stage, recording: Recording) -> None:
+    """The operating table, which stands still."""
     stage.group("/World/Table")
     for index, (_, colour, mesh) in enumerate(table_parts(recording)):
         red, green, blue = colour.tolist()

@@ -106,10 +106,10 @@ class Stage:
     ) -> None:
         """Give a mesh its surface at a time code, or for good."""
         points_m, normals, corners = creased(vertices_m, faces)
-        points = self.points(points_m)
+        points = self._points(points_m)
         indices = np.ascontiguousarray(corners.ravel(), dtype=np.int32)
         mesh.CreatePointsAttr().Set(points, *time)
-        mesh.CreateNormalsAttr().Set(self.points(normals), *time)
+        mesh.CreateNormalsAttr().Set(self._points(normals), *time)
         mesh.CreateFaceVertexCountsAttr().Set(self._vt.IntArray([3] * len(corners)), *time)
         mesh.CreateFaceVertexIndicesAttr().Set(self._vt.IntArray.FromNumpy(indices), *time)
         self._set_extent(mesh, points, *time)
@@ -117,7 +117,7 @@ class Stage:
     def marks(self, path: str, places_m: NDArray[np.float64], width_m: float, colour: Colour) -> Any:
         """Dots."""
         marks = self.geom.Points.Define(self.usd, path)
-        points = self.points(places_m)
+        points = self._points(places_m)
         marks.CreatePointsAttr(points)
         marks.CreateWidthsAttr([width_m] * len(places_m))
         marks.CreateDisplayColorAttr([colour[:3]])
@@ -134,7 +134,7 @@ class Stage:
     ) -> Any:
         """Straight pieces, shape (P, 2, 3) [m], each of its own colour."""
         curves = self.geom.BasisCurves.Define(self.usd, path)
-        points = self.points(pieces_m.reshape(-1, 3))
+        points = self._points(pieces_m.reshape(-1, 3))
         curves.CreateTypeAttr(self.geom.Tokens.linear)
         curves.CreatePointsAttr(points)
         curves.CreateCurveVertexCountsAttr([2] * len(pieces_m))
@@ -184,7 +184,7 @@ class Stage:
             sun.CreateIntensityAttr(intensity)
             sun.AddRotateXYZOp().Set(self._gf.Vec3f(*turn_deg))
 
-    def points(self, points_m: NDArray[np.float64]) -> Any:
+    def _points(self, points_m: NDArray[np.float64]) -> Any:
         """Points or normals as the library has them."""
         return self._vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points_m, dtype=np.float32))
 

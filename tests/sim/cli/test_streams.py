@@ -44,9 +44,8 @@ def said(errors: bytes) -> list[str]:
 )
 def test_an_episode_ends_well_wherever_it_prints(tmp_path, redirection, environment) -> None:
     out, case = tmp_path / "läsion", tmp_path / "case.toml"
-    case.write_text(
-        'base = "sphere"\nn_poses = 60\nscore_spacing_m = 0.016\n'
-    )  # nothing depends on how fine it is
+    # Nothing depends on how fine it is.
+    case.write_text('base = "sphere"\nn_poses = 60\nscore_spacing_m = 0.016\n')
     done = shell(f"{EPISODE} --scenario {case} --out '{out}' {redirection}", **environment)
     assert done.returncode == 0
     assert not said(done.stderr)

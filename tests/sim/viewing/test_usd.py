@@ -13,8 +13,8 @@ from sim.record.map_field import called_from
 from sim.record.recording import read_recording, set_state
 from sim.record.run_record import load_run
 
-pxr = pytest.importorskip("pxr", reason="needs pip install 'sounding[usd]'")
-from pxr import Usd, UsdGeom, UsdShade  # noqa: E402
+pytest.importorskip("pxr", reason="needs pip install 'sounding[usd]'")
+from pxr import Usd, UsdGeom, UsdShade
 
 FREE = {"scenario": "sphere", "arm": "none", "report": False, "show_progress": False}
 

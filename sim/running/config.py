@@ -7,7 +7,7 @@ Fields are known by their own names, whatever group they stand in; `sim.running.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,7 @@ from sim.suggestions import did_you_mean
 from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
-from .placing.body import BodyConfig
+from .placing.body import BodyConfig, motion_that_presses
 from .reader import ReaderConfig
 from .sweep import SweepConfig
 from .ultrasound import UltrasoundConfig
@@ -252,16 +252,16 @@ class EpisodeConfig:
     output: OutputConfig = field(default_factory=OutputConfig)
 
     def __post_init__(self) -> None:
-        """Validate what the parts do not."""
+        """Let servos hold a force on a rigid organ, and validate what the parts do not."""
+        held_by = motion_that_presses(self.moving.motion, self.arm, self.body)
+        object.__setattr__(self, "moving", replace(self.moving, motion=held_by))
         self._check_finite()
         if not 1 <= self.steps <= 14_400:
             raise FieldError("steps", self.steps, "must be from 1 to 14400.")
         if self.until_sensed is not None and not 0.0 < self.until_sensed <= 1.0:
             raise FieldError("until_sensed", self.until_sensed, "must be above 0 and at most 1.")
         if self.until_confident is not None and not 0.0 < self.until_confident < 1.0:
-            raise FieldError(
-                "until_confident", self.until_confident, "must be between 0 and 1, both excluded."
-            )
+            raise FieldError("until_confident", self.until_confident, "must be above 0 and below 1.")
         if self.miss_cost is not None and not self.miss_cost > 0.0:
             raise FieldError("miss_cost", self.miss_cost, "must be above 0.")
         if self.seed < 0:

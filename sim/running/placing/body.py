@@ -46,8 +46,8 @@ class BodyConfig:
     tissue: Tissue = "rigid"
     """Whether the organ yields under the probe: rigid or elastic."""
     press_n: float | None = None
-    """Force at which the probe stops on elastic tissue, and in servo motion [N]; by default 1 on elastic tissue, and in
-    servo motion `press_mm` counts. Tissue of 5 kPa bears 5 under the embedded probe."""
+    """Force at which the probe stops [N]; by default 1 on elastic tissue, and in servo motion `press_mm` counts. On a
+    rigid organ an arm takes servo motion for it. Tissue of 5 kPa bears 5 under the embedded probe."""
     young_kpa: float = 5.0
     """Young's modulus of elastic tissue [kPa]; healthy liver has 4 to 6."""
     tumour_young_kpa: float = 50.0
@@ -58,6 +58,18 @@ class BodyConfig:
     register_above_mm: float | None = None
     """Spend actions on registering, where a contact tells most of the place, as long as the organ is believed to be off
     by more than this [mm]; by default none is."""
+
+
+def motion_that_presses(motion: MotionKind, arm: str, body: BodyConfig) -> MotionKind:
+    """How the probe moves: servos hold the force that an arm is to press with on a rigid organ.
+
+    Args:
+        motion: What was asked for; kinematic motion presses on elastic tissue alone.
+        arm: The arm's name, or none.
+        body: The force and the tissue.
+    """
+    is_pressing = body.press_n is not None and body.tissue == "rigid"
+    return "servo" if is_pressing and motion == "kinematic" and arm != "none" else motion
 
 
 def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> BodyOptions | None:

@@ -15,7 +15,7 @@ MotionKind = Literal["none", "kinematic", "servo"]
 LIVER_YOUNG_PA = 4100.0
 """Young's modulus of healthy liver, mean of 530 people by transient elastography (4.1 kPa, standard deviation 0.89):
 Fung et al., Defining normal liver stiffness range in a normal healthy Chinese population, PLoS ONE 8(12), 2013."""
-MOST_PRESS_M = 0.03
+MOST_PRESS_M = 0.04
 """Deeper than this no probe is sent into a spring [m]."""
 FACE_M = 0.008
 """Radius of the face of a probe that names none, as of the embedded one."""

@@ -55,7 +55,7 @@ def test_help_begins_with_examples_that_are_understood(command, capsys, monkeypa
         (["episode", "--cone-depth-mm", "0"], "--cone-depth-mm 0.0: must be from 5 to 1000 mm\\."),
         (["episode", "--keepout-mm", "200"], "--keepout-mm 200.0: must be from 0 to 100 mm\\."),
         (["reach", "--keepout-mm", "200"], "--keepout-mm 200.0: must be from 0 to 100 mm\\."),
-        (["episode", "--press-mm", "90", "--motion", "servo"], "--press-mm 90.0: must be from 0 to 30 mm\\."),
+        (["episode", "--press-mm", "90", "--motion", "servo"], "--press-mm 90.0: must be from 0 to 40 mm\\."),
         (["episode", "--sure-radius-mm", "-1"], "--sure-radius-mm -1.0: must be above 0 and finite\\."),
     ],
 )

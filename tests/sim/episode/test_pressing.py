@@ -162,7 +162,7 @@ def test_a_force_that_cannot_be_is_told(servo, text) -> None:
 
 def test_a_spring_that_gives_way_too_far_is_told(sphere_arm_setup) -> None:
     with pytest.raises(
-        FieldError, match=r"press_n=4.0: presses a spring of 87.5 N/m 46 mm in.*at most 2\.6 N"
+        FieldError, match=r"press_n=4.0: presses a spring of 87.5 N/m 46 mm in.*at most 3\.5 N"
     ):
         make_motion_model(sphere_arm_setup, "servo", servo=ServoSettings(press_n=4.0))
     with pytest.raises(FieldError, match=r"press_mm=0.0: makes 0 N.*`press_n`"):

@@ -58,6 +58,16 @@ def test_a_force_is_pressed_with_where_servos_are_told_one() -> None:
     assert forces_n(tissue="elastic", press_n=0.5) == (None, 0.5)
 
 
+def test_an_arm_holds_a_force_on_a_rigid_organ_by_servos() -> None:
+    def motion(**options) -> str:
+        return config_of({"scenario": "sphere"} | options).moving.motion
+
+    assert motion(press_n=0.5) == "servo"
+    assert motion(press_n=0.5, tissue="elastic") == motion() == "kinematic"
+    with pytest.raises(FieldError, match=r"press_n=0.5.*means nothing without .*`motion` servo"):
+        check_config(config_of(scenario="sphere", press_n=0.5, motion="none"))
+
+
 def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
     exact, off, naive = (
         make_parts(config_of(FREE | {"planner": "find-and-outline"} | options)).detail

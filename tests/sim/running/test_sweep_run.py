@@ -84,7 +84,7 @@ def test_a_recording_is_as_long_as_the_procedure(run, episode) -> None:
         (["--sweep-speed-mm-s", "900"], "must be from 1 to 250"),
         (["--arm", "default", "--motion", "servo"], "holds a force in a sweep. Name it (--press-n)"),
         (["--arm", "default", "--motion", "servo", "--press-n", "9"], "must be above 0 and below the 5 N"),
-        (["--press-n", "2"], "--press-n 2.0"),
+        (["--press-n", "2"], "--press-n 2.0: means nothing without --tissue elastic or --motion servo"),
         (["--registration-mm", "5"], "takes the organ to be rigid"),
         (["--sensor", "ultrasound"], "tilts the probe for each reading"),
     ],

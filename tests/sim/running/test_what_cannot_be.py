@@ -65,7 +65,7 @@ def test_what_a_part_refuses_is_told_by_the_field_that_was_set(field, more) -> N
 
 def test_the_command_line_tells_it_by_its_flag(capsys) -> None:
     assert main(["episode", "--scenario", "sphere", "--press-mm", "99"]) == 2
-    assert capsys.readouterr().err.startswith("sounding: --press-mm 99.0: must be from 0 to 30 mm.")
+    assert capsys.readouterr().err.startswith("sounding: --press-mm 99.0: must be from 0 to 40 mm.")
 
 
 def test_a_class_in_place_of_an_object_is_told() -> None:

@@ -100,7 +100,7 @@ def test_bad_options_are_refused(run, capsys, arguments, message) -> None:
         (("--motion", "servo", "--arm", "none"), "no servos"),
         (("--tip-speed-mm-s", "0"), "--tip-speed-mm-s 0.0: must be a positive"),
         (("--sensing-s", "nan"), "--sensing-s nan: must be a finite number"),
-        (("--press-mm", "-1"), "--press-mm -1.0: must be from 0 to 30 mm"),
+        (("--press-mm", "-1"), "--press-mm -1.0: must be from 0 to 40 mm"),
         (("--force-limit-n", "0"), "--force-limit-n 0.0: must be a positive"),
     ],
 )

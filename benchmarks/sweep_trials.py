@@ -26,6 +26,7 @@ from sim.findings.findings import find
 from sim.running.fields import config_of
 from sim.running.parts import EpisodeParts, make_parts
 from sim.running.run_episode import make_episode
+from sim.running.sweep import SWEEP
 
 TIMES_S = (30.0, 60.0, 120.0)
 """Times of the procedure at which contenders are compared [s]."""
@@ -47,7 +48,7 @@ class Contender:
     @property
     def sensing(self) -> str:
         """How it senses, as the table tells it."""
-        return "sweep" if self.sense == "sweep" else f"stop, {self.sensing_s:g} s"
+        return SWEEP if self.sense == SWEEP else f"stop, {self.sensing_s:g} s"
 
     @property
     def options(self) -> dict[str, Any]:
@@ -61,7 +62,7 @@ CONTENDERS = (
     BASE,
     Contender("find-and-outline", "stop", 0.1),
     *(
-        Contender(name, "sweep")
+        Contender(name, SWEEP)
         for name in ("find-and-outline", "find-and-outline-paths", "boustrophedon", "ergodic", "a-star")
     ),
 )

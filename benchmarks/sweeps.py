@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mapping.storage import replacing
-from sim.comparison.estimates import mean_estimate
+from sim.comparison.estimates import mean_estimate, paired_estimate
 from sim.comparison.tables import interval_text
 from sim.episode.episode import Episode
 from sim.episode.setup import build_setup
@@ -28,12 +29,17 @@ from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode
 from sim.tables import markdown_table, nan_for_none
 
-from .sweep_trials import BASE, CONTENDERS, TIMES_S, Plan, Row, rows_of, run_plan
+from .sweep_trials import BASE, CONTENDERS, SWEEP, TIMES_S, Plan, Row, rows_of, run_plan
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "sweeps.md"
+CONTENDER = ("case", "arm", "planner", "sensing")
+"""What tells a contender of a case from the others in a row of a trial."""
+OURS = ("find-and-outline", "find-and-outline-paths")
+"""Planners that are compared with each of the others."""
 NAMES = ("case", "probe", "planner", "sensing", "seeds")
 TO_95 = (*NAMES, "got to 95 %", "procedure [s]", "of stop and go", "readings", "lift-offs", "tip path [m]")
+AGAINST = ("case", "probe", "planner", "against", "tip path [m]", "shorter", "procedure [s]", "less")
 IN_TIME = (
     *NAMES,
     *(f"found, {time_s:g} s" for time_s in TIMES_S),
@@ -68,33 +74,33 @@ class Options:
     """Picture of the trace to write."""
 
 
-def paired(rows: Sequence[Row]) -> list[list[Row]]:
-    """The trials of each contender, by rising seed, of seeds alone that all contenders of the case and carrier have."""
+@dataclass(frozen=True, kw_only=True)
+class Pairs:
+    """The trials of a contender, by rising seed, and those of stop and go on the same seeds."""
+
+    own: Sequence[Row]
+    base: Sequence[Row]
+
+
+def paired(rows: Sequence[Row]) -> list[Pairs]:
+    """The trials of each contender on the seeds that stop and go has too, case by case, the free probe first."""
     groups: dict[tuple[str, ...], dict[int, Row]] = {}
     for row in rows:
-        name = (row["case"], row["arm"], row["planner"], row["sensing"])
-        groups.setdefault(name, {})[row["seed"]] = row
+        groups.setdefault(tuple(row[name] for name in CONTENDER), {})[row["seed"]] = row
     kept = []
-    for name, held in groups.items():
-        beside = [set(other) for each, other in groups.items() if each[:2] == name[:2]]
-        seeds = sorted(set.intersection(*beside))
-        kept.append([held[seed] for seed in seeds])
-    # Of the cases in the order in which they were run, the free probe first.
+    for name, own in groups.items():
+        base = groups.get((*name[:2], BASE.planner, BASE.sensing), {})
+        seeds = sorted(own.keys() & base.keys())
+        if seeds:
+            kept.append(Pairs(own=[own[seed] for seed in seeds], base=[base[seed] for seed in seeds]))
     cases = list(dict.fromkeys(row["case"] for row in rows))
-    return sorted(
-        filter(None, kept), key=lambda group: (cases.index(group[0]["case"]), group[0]["arm"] != "none")
-    )
+    names = [(each.planner, each.sensing) for each in CONTENDERS]
 
+    def place(pairs: Pairs) -> tuple[int, bool, int]:
+        case, arm, planner, sensing = (pairs.own[0][name] for name in CONTENDER)
+        return cases.index(case), arm != "none", names.index((planner, sensing))
 
-def base_of(group: Sequence[Row], groups: Sequence[Sequence[Row]]) -> Sequence[Row]:
-    """The trials of stop and go in the same case, with the same carrier and seeds."""
-    first = group[0]
-    wanted = (first["case"], first["arm"], BASE.planner, BASE.sensing)
-    return next(
-        each
-        for each in groups
-        if tuple(each[0][name] for name in ("case", "arm", "planner", "sensing")) == wanted
-    )
+    return sorted(kept, key=place)
 
 
 def named(group: Sequence[Row]) -> tuple[str, ...]:
@@ -110,12 +116,13 @@ def means(group: Sequence[Row], value: Callable[[Row], Any]) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
-def to_95(groups: Sequence[Sequence[Row]]) -> list[tuple[str, ...]]:
+def to_95(groups: Sequence[Pairs]) -> list[tuple[str, ...]]:
     """A row for each contender: what it took until 95 % was sensed, and the ratio of its mean time to stop and go's."""
     table = []
-    for group in groups:
+    for pairs in groups:
+        group = pairs.own
         estimate = mean_estimate([row["procedure_s"] for row in group])
-        ratio = estimate.mean / means(base_of(group, groups), lambda row: row["procedure_s"])
+        ratio = estimate.mean / means(pairs.base, lambda row: row["procedure_s"])
         counts = (
             f"{means(group, lambda row, key=key: row[key]):{form}}"
             for key, form in (("n_readings", ".1f"), ("n_lift_offs", ".1f"), ("tip_path_m", ".2f"))
@@ -126,10 +133,34 @@ def to_95(groups: Sequence[Sequence[Row]]) -> list[tuple[str, ...]]:
     return table
 
 
-def in_time(groups: Sequence[Sequence[Row]]) -> list[tuple[str, ...]]:
+def against(groups: Sequence[Pairs]) -> list[tuple[str, ...]]:
+    """A row for each of our planners of sweeps and each other planner: the differences seed by seed, ours first."""
+    table = []
+    for ours, other in product(groups, groups):
+        names, others = ([each.own[0][name] for name in CONTENDER] for each in (ours, other))
+        is_pair = names[2] in OURS and others[2] not in OURS and names[3] == others[3] == SWEEP
+        if not is_pair or names[:2] != others[:2]:
+            continue
+        held = {row["seed"]: row for row in ours.own}
+        both = [(held[row["seed"]], row) for row in other.own if row["seed"] in held]
+        if not both:
+            continue
+        cells = []
+        for key, form in (("tip_path_m", "{:.2f}"), ("procedure_s", "{:.1f}")):
+            first, second = ([row[key] for row in rows] for rows in zip(*both, strict=True))
+            estimate = paired_estimate(first, second, lower_is_better=True)
+            difference = estimate.difference
+            cells.append(f"{form.format(difference.mean)} {interval_text(difference.interval, form)}")
+            cells.append(f"{estimate.n_wins} of {estimate.n}")
+        case, carrier, planner, *_ = named(ours.own)
+        table.append((case, carrier, planner, others[2], *cells))
+    return table
+
+
+def in_time(groups: Sequence[Pairs]) -> list[tuple[str, ...]]:
     """A row for each contender: lesions found and AUPRC at equal times, and computing for a second of procedure."""
     table = []
-    for group in groups:
+    for group in (pairs.own for pairs in groups):
         cells = []
         for time_s in TIMES_S:
             found, n = (
@@ -210,7 +241,11 @@ def main(options: Options) -> None:
         return
     run(options)
     groups = paired(rows_of([options.trials]))
-    tables = [markdown_table(TO_95, to_95(groups)), markdown_table(IN_TIME, in_time(groups))]
+    tables = [
+        markdown_table(TO_95, to_95(groups)),
+        markdown_table(IN_TIME, in_time(groups)),
+        markdown_table(AGAINST, against(groups)),
+    ]
     print("\n\n".join(tables))
     if options.write:
         write(tables)

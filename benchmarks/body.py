@@ -1,10 +1,12 @@
 """What is left of the map when the organ is not where the plan says, with and without a belief about where it lies?
 
     .venv/bin/python -m benchmarks.body [--scenario liver] [--cases ideal registration ...] [--steps 30] [--seeds 8]
-        [--first 0] [--ways none contacts] [--arm none] [--motion kinematic] [--jobs 2] [--out renders/body.jsonl]
-        [--register-above-mm 3]
+        [--first 0] [--ways none contacts readings] [--arm none] [--motion kinematic] [--jobs 2]
+        [--out renders/body.jsonl] [--register-above-mm 3]
 
-Each case but `ideal` runs twice on the same seeds: it believes the plan (`--register none`), or learns from contacts.
+Each case but `ideal` runs twice on the same seeds: it believes the plan (`--register none`), or learns from contacts
+(`--no-align-readings`). Where the tip is measured with an error it runs a third time, in which readings also tell how
+they lie beside each other.
 The error is the mean distance between where the tumours are believed to lie and where they do: medians over the seeds
 after 10 actions and after all. `in 95 %` is the share of tumours that lay, after 10 actions, in the ellipsoid that the
 belief states for 95 %. Calibration error and slope are those of the last map over the points in doubt, with
@@ -63,7 +65,8 @@ CASES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 CASES["everything"] = CASES["together"] | {"sensor": "cone-with-errors", "reader": "published"}
 """What is wrong with the plan in each case."""
-Way = Literal["none", "contacts"]
+Way = Literal["none", "contacts", "readings"]
+TOLD: dict[Way, str] = {"none": "the plan", "contacts": "contacts", "readings": "contacts and readings"}
 Case = Literal[
     "ideal",
     "registration",
@@ -98,7 +101,7 @@ class Options:
     first: int = 0
     """First seed."""
     ways: tuple[Way, ...] = get_args(Way)
-    """Ways to register."""
+    """What is believed: the plan, contacts alone, or contacts and how readings fit each other."""
     arm: str = "none"
     """Arm that carries the probe."""
     motion: Literal["kinematic", "servo"] = "kinematic"
@@ -125,9 +128,10 @@ def _parts(options: Options, case: Case, register: str, seed: int) -> EpisodePar
         "seed": seed,
     }
     run["motion"] = "none" if options.arm == "none" else options.motion
-    if register == "contacts":
-        run["register_above_mm"] = options.register_above_mm
-    return make_parts(changed(EpisodeConfig(), register=register, **run, **CASES[case]))
+    if register != "none":
+        run |= {"register_above_mm": options.register_above_mm, "align_readings": register == "readings"}
+    run["register"] = "none" if register == "none" else "contacts"
+    return make_parts(changed(EpisodeConfig(), **run, **CASES[case]))
 
 
 def settings_of(run: Run, options: Options) -> dict[str, Any]:
@@ -139,7 +143,7 @@ def settings_of(run: Run, options: Options) -> dict[str, Any]:
         "arm": options.arm,
         "motion": options.motion,
     }
-    if register == "contacts" and options.register_above_mm is not None:
+    if register != "none" and options.register_above_mm is not None:
         kept["register_above_mm"] = options.register_above_mm
     return {"case": case, "register": register, "seed": seed, **kept, "wrong": CASES[case]}
 
@@ -207,7 +211,7 @@ def seconds(runs: list[dict[str, Any]]) -> NDArray[np.float64]:
     return np.array([np.median(actions_s), np.mean(actions_s)], dtype=np.float64)
 
 
-def row(case: Case, register: str, runs: list[dict[str, Any]], ideal_s: NDArray[np.float64]) -> list[str]:
+def row(case: Case, register: Way, runs: list[dict[str, Any]], ideal_s: NDArray[np.float64]) -> list[str]:
     """The figures of some episodes."""
     auprc = mean_estimate(np.array([each["auprc"] for each in runs]))
     found, n = np.sum([each["found"] for each in runs], axis=0)
@@ -216,7 +220,7 @@ def row(case: Case, register: str, runs: list[dict[str, Any]], ideal_s: NDArray[
     median_ms, mean_ms = 1e3 * (seconds(runs) - ideal_s)
     return [
         case,
-        {"none": "the plan", "contacts": "contacts"}[register] if case != "ideal" else "-",
+        TOLD[register] if case != "ideal" else "-",
         f"{auprc.mean:.3f} {interval_text(auprc.interval, '{:.3f}')}",
         f"{np.mean([each['sensed'] for each in runs]):.3f}",
         f"{found} of {n}",
@@ -229,11 +233,16 @@ def row(case: Case, register: str, runs: list[dict[str, Any]], ideal_s: NDArray[
     ]
 
 
+def ways_of(case: Case, options: Options) -> list[Way]:
+    """What is believed in a case, one after the other: readings tell nothing where the tip is measured exactly."""
+    if case == "ideal":
+        return ["none"]
+    return [way for way in options.ways if way != "readings" or "tracking_mm" in CASES[case]]
+
+
 def main(options: Options) -> None:
     """Run the episodes that the file lacks, and print the table."""
-    ways: list[tuple[Case, Way]] = [
-        (c, r) for c in options.cases for r in (("none",) if c == "ideal" else options.ways)
-    ]
+    ways: list[tuple[Case, Way]] = [(c, r) for c in options.cases for r in ways_of(c, options)]
     seeds = range(options.first, options.first + options.seeds)
     rows, ideal_s = [], np.zeros(2)
     known_by, work = partial(settings_of, options=options), partial(play, options=options)

@@ -1,6 +1,7 @@
-"""Where the organ is believed to lie, learnt from where the probe met its surface."""
+"""The belief about where a body lies, learnt from contacts with its surface and from how readings fit each other."""
 
 from .moves import most_moved_m, moved_m
+from .reading_shifts import ReadingShifts
 from .rigid_belief import Contact, RigidBelief, RigidPrior
 
-__all__ = ["Contact", "RigidBelief", "RigidPrior", "most_moved_m", "moved_m"]
+__all__ = ["Contact", "ReadingShifts", "RigidBelief", "RigidPrior", "most_moved_m", "moved_m"]

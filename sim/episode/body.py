@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mapping import LabelledPoints
-from mapping.registration import Contact, RigidBelief, most_moved_m, moved_m
+from mapping.registration import Contact, ReadingShifts, RigidBelief, moved_m
 from planner import PlaceBelief
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.body.true_place import TruePlace, measured
@@ -23,6 +23,7 @@ from sim.world.solids.surface_distance import surface_distance_of
 from sim.world.tissue.indentation import Indentation
 
 from .body_options import BodyOptions, BodyScore, expected_place
+from .laid_readings import MOVED_M, MOVED_SHARE, Laid, LaidReadings
 from .moving.arm_motion import motion_on_body
 from .moving.contact_motion import ContactMotion
 from .moving.encounter import Encounter
@@ -30,13 +31,6 @@ from .moving.motion import Motion, MotionModel
 from .setup import Setup
 from .yielding import STALE_M, RawReading, YieldingOrgan, face_radius_m
 
-MOVED_M, MOVED_SHARE = 0.0005, 0.5
-"""Readings are laid anew when what is believed has moved the points of one by more than this since, a root mean square
-[m], and by more than this share of how far readings are believed to be off."""
-FAR_M = 0.002
-"""Only when they have moved by more than this [m] since all of the map was last laid, all of it is again: up to there a
-map in detail moves nothing but its answers near tumour. Its other answers are as smooth as its hinges are wide apart,
-11 mm."""
 SURE = 0.95
 """Probability of the ellipsoid in which the belief says that a tumour lies."""
 
@@ -47,14 +41,6 @@ _ROUNDS = 3
 DEPTH_SHARE = 0.1
 """How far off the depth of a press is, as a standard deviation over the depth: the model of those who believe knows no
 tumours, and not quite where it is pressed."""
-
-
-class Laid(NamedTuple):
-    """All readings, at where they are now believed to lie."""
-
-    readings: list[LabelledPoints]
-    is_far: bool
-    """Whether some have moved by much since readings were last laid into a new map."""
 
 
 class Body:
@@ -105,10 +91,11 @@ class Body:
             face_m=self._face_m,
         )
         self._raw: list[RawReading] = []
+        self._labels: list[LabelledPoints] = []
         self._contacts_by, self._stale_m = np.eye(4), STALE_M
-        # What took each reading back to rest when it was last laid, and when it was laid into a new map.
-        self._laid_by: list[NDArray[np.float64]] = []
-        self._new_by: list[NDArray[np.float64]] = []
+        self._laid = LaidReadings()
+        off_m = options.place_deviation_m(setup.cone.depth_m) if options.aligns_readings else 0.0
+        self._shifts = ReadingShifts(off_m) if off_m > 0.0 else None
 
     def followed_by(self, motion_model: MotionModel) -> MotionModel:
         """A motion model that brings the probe to where the organ is believed to lie, and down to contact."""
@@ -160,12 +147,23 @@ class Body:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
         self._raw.append(RawReading(T_measured, reading.points_m, share, self.encounter.pressed))
+        self._labels.append(LabelledPoints(*reading.labels))
         self._learn()
+        self._align()
         points_m, _, _ = self._released(self._raw[-1])
         T = self._T_rest_world()[-1]
-        self._laid_by.append(T)
-        self._new_by.append(T)
+        self._laid.add(T)
         return replace(reading, points_m=points_m, T_world_probe=T_measured).moved(T)
+
+    def _align(self) -> None:
+        """Believe how far readings lie beside each other along the surface."""
+        if self._shifts is None:
+            return
+        readings, beams = [], []
+        for raw, labels, T in zip(self._raw, self._labels, self._T_rest_world(is_aligned=False), strict=True):
+            readings.append(labels.at(self._released(raw)[0] @ T[:3, :3].T + T[:3, 3]))
+            beams.append(T[:3, :3] @ raw.T_world_probe[:3, 2])
+        self._shifts.observe(readings, np.array(beams))
 
     def _learn(self) -> None:
         """Learn from the last contact; how deep each had pressed, or which point touched, follows from the belief."""
@@ -206,18 +204,13 @@ class Body:
         Args:
             readings: The readings so far, in their order.
         """
-        now, middles_m = self._T_rest_world(), [r.points_m.mean(axis=0) for r in readings if len(r.points_m)]
-        deviation_m = self._deviation_m(np.array(middles_m))
-        if most_moved_m(readings, now, self._laid_by) <= max(MOVED_M, MOVED_SHARE * deviation_m):
-            return None
-        is_far = most_moved_m(readings, now, self._new_by) > max(FAR_M, MOVED_SHARE * deviation_m)
-        self._laid_by = list(now)
-        self._new_by = list(now) if is_far else [*self._new_by[:-1], now[-1]]
-        laid = [
-            reading.at(self._released(raw)[0] @ T[:3, :3].T + T[:3, 3])
-            for reading, raw, T in zip(readings, self._raw, now, strict=True)
-        ]
-        return Laid(laid, is_far)
+        middles_m = np.array([r.points_m.mean(axis=0) for r in readings if len(r.points_m)])
+        deviation_m = np.hypot(
+            self._deviation_m(middles_m), self._shifts.deviation_m if self._shifts else 0.0
+        )
+        return self._laid.anew(
+            readings, self._T_rest_world(), deviation_m, lambda i: self._released(self._raw[i])[0]
+        )
 
     def _deviation_m(self, points_m: NDArray[np.float64]) -> float:
         """How far points of the organ [m], shape (N, 3), are believed to be off, a root mean square [m]."""
@@ -290,10 +283,17 @@ class Body:
             "T_rest_probe": self.state().T_world_probe,
         }
 
-    def _T_rest_world(self) -> list[NDArray[np.float64]]:
-        """What takes each reading back to rest by what is believed, shapes (4, 4)."""
+    def _T_rest_world(self, *, is_aligned: bool = True) -> list[NDArray[np.float64]]:
+        """What takes each reading back to rest by what is believed, shapes (4, 4).
+
+        Args:
+            is_aligned: Whether readings are moved along the surface to where they fit each other.
+        """
         moves = [rigid_inverse(self.T_world_rest_believed(raw.share)) for raw in self._raw]
         if self.belief is not None:
             for T_rest_world, correction_m in zip(moves, self.belief.tip_corrections_m(), strict=True):
                 T_rest_world[:3, 3] += correction_m
+        if self._shifts is not None and is_aligned:
+            for T_rest_world, shift_m in zip(moves, self._shifts.shifts_m, strict=True):
+                T_rest_world[:3, 3] += shift_m
         return moves

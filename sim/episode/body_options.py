@@ -23,6 +23,8 @@ class BodyOptions:
     settings: BodySettings
     registration: Registration = "contacts"
     """What tells where the organ lies."""
+    aligns_readings: bool = True
+    """Whether readings whose tips are measured with an error are moved to where their labels fit each other's."""
     tissue: ElasticSettings | None = None
     """What the organ is made of that yields under the probe; None where it is rigid."""
     press_n: float = 1.0

@@ -55,6 +55,9 @@ class BodyConfig:
     register: Registration = "contacts"
     """What tells where the organ lies: contacts (the belief is learnt from where the probe meets the surface) or none
     (the plan is believed)."""
+    align_readings: bool = True
+    """Where the tip is measured with an error and contacts are believed, move each reading along the surface to where
+    its labels fit those of the others."""
     register_above_mm: float | None = None
     """Spend actions on registering, where a contact tells most of the place, as long as the organ is believed to be off
     by more than this [mm]; by default none is."""
@@ -108,6 +111,7 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
     return BodyOptions(
         settings=settings,
         registration=config.register,
+        aligns_readings=config.align_readings,
         tissue=tissue,
         press_n=press_n,
         motion=speeds,

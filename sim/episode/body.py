@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mapping import LabelledPoints
-from mapping.registration import Contact, ReadingShifts, RigidBelief, moved_m
+from mapping.registration import Contact, Laid, LaidReadings, ReadingShifts, RigidBelief, moved_m
+from mapping.registration.laid_readings import MOVED_M, MOVED_SHARE
 from planner import PlaceBelief
 from sim.world.anatomy.anatomy import Anatomy
 from sim.world.body.true_place import TruePlace, measured
@@ -23,7 +24,6 @@ from sim.world.solids.surface_distance import surface_distance_of
 from sim.world.tissue.indentation import Indentation
 
 from .body_options import BodyOptions, BodyScore, expected_place
-from .laid_readings import MOVED_M, MOVED_SHARE, Laid, LaidReadings
 from .moving.arm_motion import motion_on_body
 from .moving.contact_motion import ContactMotion
 from .moving.encounter import Encounter

@@ -27,7 +27,8 @@ from sim.world.sensing.reading import Reading
 from .measures import NEVER, never, note_first
 
 if TYPE_CHECKING:
-    from .laid_readings import Laid
+    from mapping.registration import Laid
+
     from .setup import Setup
     from .truth import TargetTruth
 

@@ -52,6 +52,25 @@ def test_labels_are_true_where_the_organ_truly_is(sphere_setup) -> None:
     assert n_tumour > 0
 
 
+def test_readings_of_a_scattering_tip_are_laid_where_they_fit_each_other(sphere_setup) -> None:
+    run = episode(sphere_setup, planner="find-and-outline", seed=1, tracking_m=0.003)
+    for _ in run.steps(15):
+        pass
+    is_tumour, shifts_m = run.truth.anatomy.is_tumour, run.body._shifts.shifts_m
+    laid = [
+        (each.points_m, shift_m, each.is_occupied)
+        for each, shift_m in zip(run.readings, shifts_m, strict=True)
+    ]
+    n_wrong = sum((is_tumour(points_m) != labels).sum() for points_m, _, labels in laid)
+    n_wrong_before = sum(
+        (is_tumour(points_m - shift_m) != labels).sum() for points_m, shift_m, labels in laid
+    )
+    assert n_wrong < 0.7 * n_wrong_before
+    options = BodyOptions(settings=BodySettings(tracking_m=0.003), aligns_readings=False)
+    assert Episode(sphere_setup, make_planner("random"), seed=1, body=options).body._shifts is None
+    assert episode(sphere_setup, **OFF).body._shifts is None
+
+
 def test_contacts_tell_where_the_organ_lies(sphere_setup) -> None:
     run = episode(sphere_setup, **OFF)
     scores = [step.body for step in run.steps(25)]

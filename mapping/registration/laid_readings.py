@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping import LabelledPoints
-from mapping.registration import most_moved_m
+from ..labelled_points import LabelledPoints
+from .moves import most_moved_m
 
 Array = NDArray[np.float64]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -74,10 +75,15 @@ class PlannedOrgan:
     """Which of the search points some pose of the workspace sees, shape (M,)."""
     surface_distance_m: NDArray[np.float64]
     """Their distance to the organ's surface, shape (M,) [m]."""
-    organ_distance: DistanceGrid
-    """The signed distance to the organ's surface on a grid."""
+    hinge_reach_m: float
+    """How far from the organ hinges may lie [m]."""
     notices: tuple[str, ...] = ()
     """What was repaired or is unusual about the files."""
+
+    @property
+    def organ_distance(self) -> DistanceGrid:
+        """The signed distance to the organ's surface on a grid, which is built when it is first asked for."""
+        return _grid_about(self.organ, self.hinge_reach_m)
 
     def on_lattice(self, values: NDArray[Any], *, outside: float | bool) -> NDArray[Any]:
         """Values of the search points on the whole query lattice, shape (X, Y, Z).
@@ -130,7 +136,6 @@ def plan_organ(
     organ, workspace = placed.organ, make_workspace(scenario, placed)
     cone = Cone(scenario.cone_half_angle_rad, scenario.cone_depth_m)
     reach_m = HINGE_REACH * hinge_spacing_m
-    organ_distance = DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
     hinges, query = _lattices(scenario, placed, hinge_spacing_m)
     is_inside = organ.contains(query.points_m())
     search_points_m = query.points_m()[is_inside]
@@ -147,13 +152,13 @@ def plan_organ(
         workspace=workspace,
         cone=cone,
         hinges=hinges,
-        hinge_mask=_hinge_mask(scenario, organ_distance, hinges, reach_m),
+        hinge_mask=_hinge_mask(scenario, organ, hinges, reach_m),
         query=query,
         is_inside=is_inside,
         search_points_m=search_points_m,
         is_visible=visible_points(workspace, cone, search_points_m),
         surface_distance_m=surface_distance_of(organ).distance_m(search_points_m),
-        organ_distance=organ_distance,
+        hinge_reach_m=reach_m,
         notices=notices,
     )
 
@@ -178,13 +183,16 @@ def _check_scored(query: Lattice, n_points: int, scenario: Scenario) -> None:
     )
 
 
-def _hinge_mask(
-    scenario: Scenario, organ_distance: DistanceGrid, hinges: Lattice, reach_m: float
-) -> NDArray[np.bool_]:
+@lru_cache(maxsize=2)
+def _grid_about(organ: Solid, reach_m: float) -> DistanceGrid:
+    return DistanceGrid.from_solid(organ, margin_m=reach_m + GRID_MARGIN_M)
+
+
+def _hinge_mask(scenario: Scenario, organ: Solid, hinges: Lattice, reach_m: float) -> NDArray[np.bool_]:
     """Which hinges to keep: all of the paper's 2,890, and those within reach of any other organ."""
     if scenario.has_organ(PAPER_ORGAN):
         return np.ones(hinges.n_points, dtype=bool)
-    return organ_distance.distance_m(hinges.points_m()) <= reach_m
+    return _grid_about(organ, reach_m).distance_m(hinges.points_m()) <= reach_m
 
 
 def placed_organ(

@@ -21,7 +21,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import nibabel
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -199,6 +198,8 @@ def _visible(folder: Path) -> NDArray[np.bool_] | None:
 
 
 def _nifti(values: NDArray[Any], affine: NDArray[np.float64], text: str) -> bytes:
+    import nibabel
+
     image = nibabel.Nifti1Image(values, affine)
     image.header.set_xyzt_units("mm")
     image.set_sform(affine, code=1)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-import nibabel
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
@@ -144,6 +143,8 @@ def _slabs(box: tuple[slice, slice, slice]) -> list[tuple[slice, slice, slice]]:
 
 def _nifti(values: NDArray[Any], affine: NDArray[np.float64], text: str, *, slope: float = 1.0) -> bytes:
     """A NIfTI file of bytes that stand for values by a slope; its qform and sform agree."""
+    import nibabel
+
     header = nibabel.Nifti1Header()
     header.set_data_dtype(values.dtype)
     header.set_data_shape(values.shape)

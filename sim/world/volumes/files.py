@@ -11,20 +11,13 @@ import zlib
 from dataclasses import replace
 from pathlib import Path
 
-import nrrd
 import numpy as np
-from nibabel.filebasedimages import ImageFileError
-from nibabel.spatialimages import HeaderDataError, HeaderTypeError, ImageDataError
-from nibabel.wrapstruct import WrapStructError
 from numpy.typing import NDArray
 
 from sim.world.errors import VolumeError
 
-from .dicom.segmentation import is_segmentation, read_segmentation
 from .grid import Grid, check_affine, check_shape
 from .label_values import read_labels
-from .nifti_files import opened, read_mgh, read_nifti
-from .nrrd_files import read_nrrd
 from .volume import Volume, counts_with_overlaps, is_bare, shifted
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".hdr", ".img", ".img.gz", ".mgz", ".mgh")
@@ -55,12 +48,21 @@ HOW = (
     "WriteImage(ReadImage('{name}'), 'labels.nii.gz')"
 )
 
-READER_ERRORS = (
-    *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
-    *(OSError, EOFError, MemoryError, StopIteration, zlib.error, struct.error),
-    *(ImageFileError, HeaderDataError, HeaderTypeError, ImageDataError, WrapStructError, nrrd.NRRDError),
-)
-"""What the readers may raise when fed with arbitrary bytes."""
+# The readers' libraries are imported where a volume is read, since most commands read none and would wait for them.
+
+
+def reader_errors() -> tuple[type[BaseException], ...]:
+    """What the readers may raise when fed with arbitrary bytes."""
+    import nrrd
+    from nibabel.filebasedimages import ImageFileError
+    from nibabel.spatialimages import HeaderDataError, HeaderTypeError, ImageDataError
+    from nibabel.wrapstruct import WrapStructError
+
+    return (
+        *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError, AssertionError, RuntimeError),
+        *(OSError, EOFError, MemoryError, StopIteration, zlib.error, struct.error),
+        *(ImageFileError, HeaderDataError, HeaderTypeError, ImageDataError, WrapStructError, nrrd.NRRDError),
+    )
 
 
 def is_volume(path: str | Path) -> bool:
@@ -109,7 +111,7 @@ def load_volume(
         )
     except VolumeError:
         raise
-    except READER_ERRORS as error:
+    except reader_errors() as error:
         raise _unreadable(path, error) from error
     volume = Volume(
         labels=found.labels, T_lps_voxel=shifted(T_lps_voxel, found.box), box=found.box, scan_shape=shape,
@@ -144,7 +146,7 @@ def read_grid(
         return check_shape(path, grid), check_affine(path, grid, spacing_m, axes)
     except VolumeError:
         raise
-    except READER_ERRORS as error:
+    except reader_errors() as error:
         raise _unreadable(path, error) from error
 
 
@@ -157,6 +159,8 @@ def _check_is_read(path: Path) -> None:
     if not path.exists():
         raise VolumeError(f"{path}: there is no such file; check the path")
     if is_dicom(path):
+        from .dicom.segmentation import is_segmentation
+
         if path.is_file() and is_segmentation(path):
             return
         raise VolumeError(f"{path}: {'is a folder of DICOM files. ' if path.is_dir() else ''}{HOW_DICOM}")
@@ -169,7 +173,12 @@ def _check_is_read(path: Path) -> None:
 def _read(path: Path) -> Grid:
     """The grid of a file; an NRRD file is told by its first bytes whatever its name says."""
     if is_dicom(path):
+        from .dicom.segmentation import read_segmentation
+
         return read_segmentation(path)
+    from .nifti_files import opened, read_mgh, read_nifti
+    from .nrrd_files import read_nrrd
+
     with opened(path) as file:
         start = file.read(4)
     if start == b"NRRD" or path.suffix.lower() in (".nrrd", ".nhdr"):

@@ -39,8 +39,8 @@ Array = NDArray[np.float64]
 
 SPACING_M = 0.002
 """Spacing of the lattice that holds q [m]."""
-WIDTHS_M = (0.006, 0.004, 0.003)
-"""Widths h of the kernel for a new reading, one after the other; the last one is that of all later turns [m]."""
+WIDTH_M = 0.003
+"""Width h of the kernel [m]. Wider ones, first or again and again, lead to worse fits."""
 REACH_M = 0.012
 """Labels within this distance of a label of tumour tell where its rim is, and such readings see one tumour [m]."""
 STEP_M, N_DEVIATIONS = 0.0015, 2.7
@@ -94,10 +94,8 @@ class ReadingShifts:
         n_before, n_new = len(self._shifts_m), len(readings) - len(self._shifts_m)
         self._shifts_m = np.concatenate([self._shifts_m, np.zeros((n_new, 3))])
         self._variances_m2 = np.concatenate([self._variances_m2, np.full(n_new, 2.0 * self._deviation_m**2)])
-        turns = [(i, width_m) for i in range(n_before, len(readings)) for width_m in WIDTHS_M]
-        turns += [(i, WIDTHS_M[-1]) for i in self._again(readings[:n_before])]
-        for i, width_m in turns:
-            self._believe(i, readings, beams[i], width_m)
+        for i in (*range(n_before, len(readings)), *self._again(readings[:n_before])):
+            self._believe(i, readings, beams[i])
         for group in _groups(readings, self._shifts_m):
             self._move_together(group, beams[group])
 
@@ -108,7 +106,7 @@ class ReadingShifts:
         self._turn += len(chosen)
         return chosen
 
-    def _believe(self, i: int, readings: Sequence[LabelledPoints], beam: Array, width_m: float) -> None:
+    def _believe(self, i: int, readings: Sequence[LabelledPoints], beam: Array) -> None:
         """The mean of one reading's shift along the surface, given all others where they lie."""
         along_m = (self._shifts_m[i] @ beam) * beam
         own_m, is_tumour = readings[i].points_m + along_m, readings[i].is_occupied
@@ -126,9 +124,9 @@ class ReadingShifts:
             return
         counts = np.concatenate([_counts(each) for each in others])
         own_m, is_tumour, own_counts = own_m[is_near], is_tumour[is_near], _counts(readings[i])[is_near]
-        margin_m = N_DEVIATIONS * self._deviation_m + 3.0 * width_m
+        margin_m = N_DEVIATIONS * self._deviation_m + 3.0 * WIDTH_M
         box = (own_m.min(axis=0) - margin_m, own_m.max(axis=0) + margin_m)
-        log_shares = _log_shares(points_m, labels, counts, box, width_m)
+        log_shares = _log_shares(points_m, labels, counts, box)
         shifts_m = self._grid_m @ _across(beam)
         told = np.zeros(len(shifts_m))
         for log_share, is_own in zip(log_shares, (~is_tumour, is_tumour), strict=True):
@@ -184,13 +182,13 @@ def _groups(readings: Sequence[LabelledPoints], shifts_m: Array) -> list[NDArray
 
 
 def _log_shares(
-    points_m: Array, labels: NDArray[np.bool_], counts: Array, box: tuple[Array, Array], width_m: float
+    points_m: Array, labels: NDArray[np.bool_], counts: Array, box: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """The logarithms of 1 - q and of q on a lattice that fills a box, shapes (A, B, C)."""
     shape = tuple(np.ceil((box[1] - box[0]) / SPACING_M).astype(int) + 1)
     cells = np.rint((points_m - box[0]) / SPACING_M).astype(int)
     is_inside = np.all((cells >= 0) & (cells < shape), axis=1)
-    width = width_m / SPACING_M
+    width = WIDTH_M / SPACING_M
     n = []
     for is_label in (~labels, labels):
         kept = is_inside & is_label

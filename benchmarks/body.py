@@ -129,7 +129,9 @@ def _parts(options: Options, case: Case, register: str, seed: int) -> EpisodePar
     }
     run["motion"] = "none" if options.arm == "none" else options.motion
     if register != "none":
-        run |= {"register_above_mm": options.register_above_mm, "align_readings": register == "readings"}
+        run["register_above_mm"] = options.register_above_mm
+        # Where the tip is measured exactly nothing aligns readings.
+        run["align_readings"] = register == "readings" or "tracking_mm" not in CASES[case]
     run["register"] = "none" if register == "none" else "contacts"
     return make_parts(changed(EpisodeConfig(), **run, **CASES[case]))
 

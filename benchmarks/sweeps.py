@@ -85,8 +85,10 @@ class Pairs:
 def paired(rows: Sequence[Row]) -> list[Pairs]:
     """The trials of each contender on the seeds that stop and go has too, case by case, the free probe first."""
     groups: dict[tuple[str, ...], dict[int, Row]] = {}
+    names = [(each.planner, each.sensing) for each in CONTENDERS]
     for row in rows:
-        groups.setdefault(tuple(row[name] for name in CONTENDER), {})[row["seed"]] = row
+        if (row["planner"], row["sensing"]) in names:
+            groups.setdefault(tuple(row[name] for name in CONTENDER), {})[row["seed"]] = row
     kept = []
     for name, own in groups.items():
         base = groups.get((*name[:2], BASE.planner, BASE.sensing), {})
@@ -94,7 +96,6 @@ def paired(rows: Sequence[Row]) -> list[Pairs]:
         if seeds:
             kept.append(Pairs(own=[own[seed] for seed in seeds], base=[base[seed] for seed in seeds]))
     cases = list(dict.fromkeys(row["case"] for row in rows))
-    names = [(each.planner, each.sensing) for each in CONTENDERS]
 
     def place(pairs: Pairs) -> tuple[int, bool, int]:
         case, arm, planner, sensing = (pairs.own[0][name] for name in CONTENDER)

@@ -48,6 +48,14 @@ class LabelledPoints:
     def believed_tumour_m(self, false_positive_rate: float) -> NDArray[np.float64]:
         """The points called tumour [m] that chance does not explain, shape (B, 3).
 
+        Args:
+            false_positive_rate: Share of free points that the sensor is believed to call tumour.
+        """
+        return self.points_m[self.is_believed_tumour(false_positive_rate)]
+
+    def is_believed_tumour(self, false_positive_rate: float) -> NDArray[np.bool_]:
+        """Which points are called tumour in a way that chance does not explain, shape (K,).
+
         Of the 8 points nearest to one, itself included, m are called tumour; with no tumour there, false labels do
         that with probability P(Binomial(8, rate) >= m). Without false labels every tumour label is believed. Where
         labels say themselves how far they can be believed, the rate is theirs; and where they err together, so that
@@ -56,15 +64,13 @@ class LabelledPoints:
         Args:
             false_positive_rate: Share of free points that the sensor is believed to call tumour.
         """
-        occupied_m = self.points_m[self.is_occupied]
-        if self.log_odds is not None and len(occupied_m):
-            log_odds = self.log_odds[self.is_occupied]
+        if self.log_odds is not None and self.is_occupied.any():
             if self.weight is not None:
-                return occupied_m[log_odds > _BELIEVED]
-            false_positive_rate = float(np.exp(-np.median(log_odds)))
-        if false_positive_rate <= 0.0 or not len(occupied_m):
-            return occupied_m
-        return occupied_m[self.slip_chance(false_positive_rate)[self.is_occupied] < CHANCE]
+                return self.is_occupied & (self.log_odds > _BELIEVED)
+            false_positive_rate = float(np.exp(-np.median(self.log_odds[self.is_occupied])))
+        if false_positive_rate <= 0.0 or not self.is_occupied.any():
+            return self.is_occupied
+        return self.is_occupied & (self.slip_chance(false_positive_rate) < CHANCE)
 
     def slip_chance(self, rate: ArrayLike) -> NDArray[np.float64]:
         """The chance that labels which are wrong by themselves agree at each point as those around it do, shape (K,).

@@ -26,6 +26,8 @@ class Laid(NamedTuple):
     """All readings, at where they are now believed to lie."""
 
     readings: list[LabelledPoints]
+    is_moved: bool
+    """Whether others than the new one have moved by enough for all to be laid anew."""
     is_far: bool
     """Whether some have moved by much since readings were last laid into a new map."""
 
@@ -39,7 +41,7 @@ class LaidReadings:
         self._new_by: list[Array] = []
 
     def add(self, T_rest_world: Array) -> None:
-        """Note what takes a new reading back to rest, shape (4, 4)."""
+        """Note what took a new reading back to rest, shape (4, 4)."""
         self._by.append(T_rest_world)
         self._new_by.append(T_rest_world)
 
@@ -50,21 +52,27 @@ class LaidReadings:
         deviation_m: float,
         points_of: Callable[[int], Array],
     ) -> Laid | None:
-        """All readings at where they are now believed to lie; None where that is near where they lie already.
+        """The readings at where they are now believed to lie; None where that is near where they lie already.
 
         Args:
-            readings: The readings so far, in their order, at rest.
+            readings: The readings so far, in their order, at rest; the new one is the last.
             now: What takes each to rest now, shapes (4, 4).
             deviation_m: How far readings are believed to be off [m].
             points_of: The points of a reading before the probe pressed, world frame [m], shape (K, 3).
         """
-        if most_moved_m(readings, now, self._by) <= max(MOVED_M, MOVED_SHARE * deviation_m):
-            return None
-        is_far = most_moved_m(readings, now, self._new_by) > max(FAR_M, MOVED_SHARE * deviation_m)
+        least_m = MOVED_SHARE * deviation_m
+        if most_moved_m(readings[:-1], now[:-1], self._by[:-1]) <= max(MOVED_M, least_m):
+            if np.array_equal(now[-1], self._by[-1]):
+                return None
+            self._by[-1] = self._new_by[-1] = now[-1]
+            laid = [*readings[:-1], _laid(readings[-1], now[-1], points_of(len(now) - 1))]
+            return Laid(laid, is_moved=False, is_far=False)
+        is_far = most_moved_m(readings, now, self._new_by) > max(FAR_M, least_m)
         self._by = list(now)
         self._new_by = list(now) if is_far else [*self._new_by[:-1], now[-1]]
-        laid = [
-            reading.at(points_of(i) @ T[:3, :3].T + T[:3, 3])
-            for i, (reading, T) in enumerate(zip(readings, now, strict=True))
-        ]
-        return Laid(laid, is_far)
+        laid = [_laid(each, T, points_of(i)) for i, (each, T) in enumerate(zip(readings, now, strict=True))]
+        return Laid(laid, is_moved=True, is_far=is_far)
+
+
+def _laid(reading: LabelledPoints, T_rest_world: Array, points_m: Array) -> LabelledPoints:
+    return reading.at(points_m @ T_rest_world[:3, :3].T + T_rest_world[:3, 3])

@@ -91,7 +91,6 @@ class Body:
             face_m=self._face_m,
         )
         self._raw: list[RawReading] = []
-        self._labels: list[LabelledPoints] = []
         self._contacts_by, self._stale_m = np.eye(4), STALE_M
         self._laid = LaidReadings()
         off_m = options.place_deviation_m(setup.cone.depth_m) if options.aligns_readings else 0.0
@@ -147,23 +146,11 @@ class Body:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)
         self._raw.append(RawReading(T_measured, reading.points_m, share, self.encounter.pressed))
-        self._labels.append(LabelledPoints(*reading.labels))
         self._learn()
-        self._align()
         points_m, _, _ = self._released(self._raw[-1])
         T = self._T_rest_world()[-1]
         self._laid.add(T)
         return replace(reading, points_m=points_m, T_world_probe=T_measured).moved(T)
-
-    def _align(self) -> None:
-        """Believe how far readings lie beside each other along the surface."""
-        if self._shifts is None:
-            return
-        readings, beams = [], []
-        for raw, labels, T in zip(self._raw, self._labels, self._T_rest_world(is_aligned=False), strict=True):
-            readings.append(labels.at(self._released(raw)[0] @ T[:3, :3].T + T[:3, 3]))
-            beams.append(T[:3, :3] @ raw.T_world_probe[:3, 2])
-        self._shifts.observe(readings, np.array(beams))
 
     def _learn(self) -> None:
         """Learn from the last contact; how deep each had pressed, or which point touched, follows from the belief."""
@@ -199,18 +186,26 @@ class Body:
         return raw.released(self.yielding, self.T_world_rest_believed(raw.share), stale_m=self._stale_m)
 
     def laid_anew(self, readings: Sequence[LabelledPoints]) -> Laid | None:
-        """All readings at where they are now believed to lie; None where that is near where they lie already.
+        """The readings at where they are now believed to lie; None where that is near where they lie already.
 
         Args:
-            readings: The readings so far, in their order.
+            readings: The readings so far, in their order, each with how far its labels are believed.
         """
-        middles_m = np.array([r.points_m.mean(axis=0) for r in readings if len(r.points_m)])
-        deviation_m = np.hypot(
-            self._deviation_m(middles_m), self._shifts.deviation_m if self._shifts else 0.0
+        deviation_m = self._deviation_m(
+            np.array([r.points_m.mean(axis=0) for r in readings if len(r.points_m)])
         )
-        return self._laid.anew(
-            readings, self._T_rest_world(), deviation_m, lambda i: self._released(self._raw[i])[0]
-        )
+        now = self._T_rest_world()
+        if self._shifts is not None:
+            points_m = [
+                self._released(raw)[0] @ T[:3, :3].T + T[:3, 3] for raw, T in zip(self._raw, now, strict=True)
+            ]
+            beams = [T[:3, :3] @ raw.T_world_probe[:3, 2] for raw, T in zip(self._raw, now, strict=True)]
+            measured = [each.at(own_m) for each, own_m in zip(readings, points_m, strict=True)]
+            self._shifts.observe(measured, np.array(beams))
+            for T_rest_world, shift_m in zip(now, self._shifts.shifts_m, strict=True):
+                T_rest_world[:3, 3] += shift_m
+            deviation_m = float(np.hypot(deviation_m, self._shifts.deviation_m))
+        return self._laid.anew(readings, now, deviation_m, lambda i: self._released(self._raw[i])[0])
 
     def _deviation_m(self, points_m: NDArray[np.float64]) -> float:
         """How far points of the organ [m], shape (N, 3), are believed to be off, a root mean square [m]."""
@@ -283,17 +278,10 @@ class Body:
             "T_rest_probe": self.state().T_world_probe,
         }
 
-    def _T_rest_world(self, *, is_aligned: bool = True) -> list[NDArray[np.float64]]:
-        """What takes each reading back to rest by what is believed, shapes (4, 4).
-
-        Args:
-            is_aligned: Whether readings are moved along the surface to where they fit each other.
-        """
+    def _T_rest_world(self) -> list[NDArray[np.float64]]:
+        """What takes each reading back to rest by what contacts tell, shapes (4, 4)."""
         moves = [rigid_inverse(self.T_world_rest_believed(raw.share)) for raw in self._raw]
         if self.belief is not None:
             for T_rest_world, correction_m in zip(moves, self.belief.tip_corrections_m(), strict=True):
                 T_rest_world[:3, 3] += correction_m
-        if self._shifts is not None and is_aligned:
-            for T_rest_world, shift_m in zip(moves, self._shifts.shifts_m, strict=True):
-                T_rest_world[:3, 3] += shift_m
         return moves

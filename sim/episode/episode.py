@@ -273,7 +273,7 @@ class Episode:
         self._learn(labels)
         self._predict()
         assert self.prediction is not None
-        for each in labels:
+        for each in self.readings[-len(labels) :]:
             self.trust.observe(each, self.setup.search_points_m, self.prediction)
         return average_precision(self.prediction.score, self.truth.is_tumour)
 
@@ -282,12 +282,14 @@ class Episode:
         assert self.tumour_map is not None
         assert self._new_map is not None
         laid = None if self.body is None else self.body.laid_anew(self.readings)
-        if laid is None:
+        if laid is not None:
+            self.readings = laid.readings
+            labels = laid.readings[-len(labels) :]
+        if laid is not None and laid.is_moved:
+            self.tumour_map = laid_anew(self.tumour_map, laid.readings, self._new_map, is_far=laid.is_far)
+        else:
             for each in taught_together(labels, self.setup.cone, self._map_settings):
                 teach(self.tumour_map, each)
-        else:
-            self.readings = laid.readings
-            self.tumour_map = laid_anew(self.tumour_map, laid.readings, self._new_map, is_far=laid.is_far)
         if self.target is not None:
             self.target.learn(laid, self._new_map, n_new=len(labels))
 

@@ -94,20 +94,21 @@ class TargetBelief:
         """Teach the map the last readings, or all where the organ is now believed to lie elsewhere.
 
         Args:
-            laid: The tumours' readings where they lie now; None where those before the last lie where they lay.
+            laid: The tumours' readings where they lie now; None where all lie where they lay.
             new_map: Makes a map without readings.
             n_new: How many readings it was not taught yet.
         """
         if self.tumour_map is None:
             return
-        if laid is None:
-            for each in self.readings[-n_new:]:
-                self.tumour_map.update(each.points_m, each.is_occupied)
-        else:
+        if laid is not None:
             self.readings = [
                 own.at(each.points_m) for own, each in zip(self.readings, laid.readings, strict=True)
             ]
+        if laid is not None and laid.is_moved:
             self.tumour_map = laid_anew(self.tumour_map, self.readings, new_map, is_far=laid.is_far)
+        else:
+            for each in self.readings[-n_new:]:
+                self.tumour_map.update(each.points_m, each.is_occupied)
         self._predict()
 
     def score(self) -> TargetScore:

@@ -7,7 +7,7 @@ Fields are known by their own names, whatever group they stand in; `sim.running.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,7 @@ from sim.suggestions import did_you_mean
 from sim.world.motion.settings import MotionKind
 
 from .case import AnatomyConfig, CaseConfig
-from .placing.body import BodyConfig, motion_that_presses
+from .placing.body import BodyConfig
 from .reader import ReaderConfig
 from .sweep import SweepConfig
 from .ultrasound import UltrasoundConfig
@@ -252,9 +252,7 @@ class EpisodeConfig:
     output: OutputConfig = field(default_factory=OutputConfig)
 
     def __post_init__(self) -> None:
-        """Let servos hold a force on a rigid organ, and validate what the parts do not."""
-        held_by = motion_that_presses(self.moving.motion, self.arm, self.body)
-        object.__setattr__(self, "moving", replace(self.moving, motion=held_by))
+        """Validate what the parts do not."""
         self._check_finite()
         if not 1 <= self.steps <= 14_400:
             raise FieldError("steps", self.steps, "must be from 1 to 14400.")

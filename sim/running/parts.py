@@ -28,7 +28,7 @@ from .case import MM, scenario_changes
 from .config import ALWAYS, ULTRASOUND, WHEN_NEEDED, EpisodeConfig
 from .own import own_plug, refuse_options
 from .placing.arm_place import arm_of, probe_of
-from .placing.body import body_of
+from .placing.body import body_of, motion_of
 from .reader import reader_errors
 from .sensor import sensor_of, trust_of
 from .settings import detail_of, in_fields, map_settings_of, motion_settings_of, servo_settings_of, sweep_of
@@ -137,7 +137,7 @@ def make_parts(
     settings = map_settings_of(config, planner)
     scenario = scenario_of(config, scenario)
     speeds = motion_settings_of(config)
-    body = body_of(config.body, config.moving.motion, speeds)
+    body = body_of(config.body, config.moving.motion, config.arm, speeds)
     off_m = 0.0 if body is None else body.place_deviation_m(scenario.cone_depth_m)
     trust = trust_of(config, scenario, sensor)
     return EpisodeParts(
@@ -150,7 +150,7 @@ def make_parts(
         trust=trust,
         arm=arm_of(config),
         probe=probe_of(config),
-        motion=config.moving.motion,
+        motion=motion_of(config.moving.motion, config.arm, config.body),
         motion_settings=speeds,
         servo_settings=servo_settings_of(config),
         sweep=sweep_of(config, body),
@@ -172,7 +172,7 @@ def check_config(config: EpisodeConfig) -> None:
         UsageError, PlannerError: A value is out of range.
     """
     scenario_of(config)
-    body = body_of(config.body, config.moving.motion, motion_settings_of(config))
+    body = body_of(config.body, config.moving.motion, config.arm, motion_settings_of(config))
     servo_settings_of(config)
     sweep_of(config, body)
     reader_errors(config.reading)

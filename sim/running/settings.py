@@ -14,7 +14,7 @@ from sim.world.motion.settings import MotionSettings, ServoSettings
 from .case import MM
 from .config import EpisodeConfig, MapName, MovingConfig
 from .fields import value_of
-from .placing.body import DEFAULT_PRESS_N
+from .placing.body import DEFAULT_PRESS_N, motion_of
 from .sweep import sweep_settings
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
     """
     own, body = config.moving, config.body
     is_elastic, press_n = body.tissue == "elastic", None
-    if own.motion == "servo":
+    if motion_of(config.moving.motion, config.arm, config.body) == "servo":
         _check_pressed_once(config)
         press_n = DEFAULT_PRESS_N if is_elastic and body.press_n is None else body.press_n
     try:
@@ -149,10 +149,8 @@ def sweep_of(config: EpisodeConfig, body: BodyOptions | None) -> SweepSettings |
     Raises:
         FieldError: A value is out of range, or options do not go together.
     """
-    press_n = config.body.press_n
-    return sweep_settings(
-        config.sweeping, motion=config.moving.motion, press_n=press_n, sensor=config.sensor, body=body
-    )
+    motion, press_n = motion_of(config.moving.motion, config.arm, config.body), config.body.press_n
+    return sweep_settings(config.sweeping, motion=motion, press_n=press_n, sensor=config.sensor, body=body)
 
 
 def _check_pressed_once(config: EpisodeConfig) -> None:

@@ -63,25 +63,26 @@ class BodyConfig:
     by more than this [mm]; by default none is."""
 
 
-def motion_that_presses(motion: MotionKind, arm: str, body: BodyConfig) -> MotionKind:
-    """How the probe moves: servos hold the force that an arm is to press with on a rigid organ.
+def motion_of(motion: MotionKind, arm: str, body: BodyConfig) -> MotionKind:
+    """How the probe moves: an arm that is to press with a force on a rigid organ has its servos hold that.
 
     Args:
         motion: What was asked for; kinematic motion presses on elastic tissue alone.
         arm: The arm's name, or none.
         body: The force and the tissue.
     """
-    is_pressing = body.press_n is not None and body.tissue == "rigid"
-    return "servo" if is_pressing and motion == "kinematic" and arm != "none" else motion
+    is_pressing = body.press_n is not None and body.tissue == "rigid" and arm != "none"
+    return "servo" if is_pressing and motion == "kinematic" else motion
 
 
-def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> BodyOptions | None:
+def body_of(config: BodyConfig, motion: MotionKind, arm: str, speeds: MotionSettings) -> BodyOptions | None:
     """How the true world differs from the plan; None where it does not.
 
     Args:
         config: The options.
-        motion: How the probe moves.
-        speeds: How fast.
+        motion: How the probe is to move.
+        arm: The arm's name, or none.
+        speeds: How fast it moves.
 
     Raises:
         FieldError: A value is out of range.
@@ -101,7 +102,7 @@ def body_of(config: BodyConfig, motion: MotionKind, speeds: MotionSettings) -> B
         contact_search_m=config.contact_search_mm * MM,
     )
     tissue = _tissue(config)
-    _check_used(config, motion)
+    _check_used(config, motion_of(motion, arm, config))
     is_as_planned = settings.is_as_planned and tissue is None
     _check_registering(config, is_as_planned=is_as_planned)
     if is_as_planned:
@@ -169,11 +170,16 @@ def _check_used(config: BodyConfig, motion: MotionKind) -> None:
 
 
 def _check_registering(config: BodyConfig, *, is_as_planned: bool) -> None:
-    """Check that actions are spent on registering only where that can tell anything.
+    """Check that readings are aligned, and actions spent on registering, only where that can tell anything.
 
     Raises:
-        FieldError: They are where it cannot, or from a deviation on that is none.
+        FieldError: They are where it cannot, or actions are from a deviation on that is none.
     """
+    if not config.align_readings and (
+        config.tracking_mm == config.tracking_deg == 0.0 or config.register == "none"
+    ):
+        lacks = "an error of the tip (`tracking_mm`), and `register` contacts"
+        raise FieldError("align_readings", False, f"means nothing without {lacks}; leave it out.")
     above_mm = config.register_above_mm
     if above_mm is None:
         return

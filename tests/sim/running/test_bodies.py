@@ -15,8 +15,9 @@ from sim.record.poses import read_poses
 from sim.record.recording import read_recording
 from sim.record.run_record import load_run
 from sim.report.arm_parts import arm_parts, body_poses, body_ways
-from sim.running.fields import config_of
+from sim.running.fields import changed, config_of
 from sim.running.parts import check_config, make_parts
+from sim.running.placing.body import motion_of
 from sim.viewing.replay import replay_table
 from sim.viewing.video import VideoSettings, _pictures
 from sim.world.frames import quaternion_matrix
@@ -59,13 +60,20 @@ def test_a_force_is_pressed_with_where_servos_are_told_one() -> None:
 
 
 def test_an_arm_holds_a_force_on_a_rigid_organ_by_servos() -> None:
-    def motion(**options) -> str:
-        return config_of({"scenario": "sphere"} | options).moving.motion
+    pressing = config_of(scenario="sphere", press_n=0.5)
 
-    assert motion(press_n=0.5) == "servo"
-    assert motion(press_n=0.5, tissue="elastic") == motion() == "kinematic"
-    with pytest.raises(FieldError, match=r"press_n=0.5.*means nothing without .*`motion` servo"):
-        check_config(config_of(scenario="sphere", press_n=0.5, motion="none"))
+    def moved(config) -> str:
+        return motion_of(config.moving.motion, config.arm, config.body)
+
+    assert moved(pressing) == "servo"
+    assert make_parts(pressing).motion == "servo"
+    # What was asked for stays, so that options can be changed in any order.
+    assert pressing.moving.motion == "kinematic"
+    for other in ({"press_n": None}, {"tissue": "elastic"}, {"motion": "servo", "press_n": None}):
+        assert moved(changed(pressing, **other)) == other.get("motion", "kinematic")
+    for free in ({"motion": "none"}, {"arm": "none"}):
+        with pytest.raises(FieldError, match=r"press_n=0.5.*means nothing without .*`motion` servo"):
+            check_config(changed(pressing, **free))
 
 
 def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
@@ -85,6 +93,11 @@ def test_labels_that_lie_off_get_a_map_that_knows_it() -> None:
         ({"breathing_s": 0.0, "breathing_mm": 5.0}, "breathing_s=.*from 0.5 to 60"),
         ({"press_n": 0.0}, "press_n=.*from 0.01 to 50"),
         ({"press_n": 2.0}, "press_n=2.0.*means nothing without `tissue` elastic or `motion` servo"),
+        ({"align_readings": False}, "align_readings=False.*means nothing without an error of the tip"),
+        (
+            {"align_readings": False, "tracking_mm": 1.0, "register": "none"},
+            "align_readings=False.*means nothing without .*`register` contacts",
+        ),
         ({"gating": True}, "gating=True.*means nothing without `breathing_mm` above 0"),
         ({"young_kpa": 0.0}, "young_kpa=.*from 0.1"),
         (SERVO | {"tissue": "elastic", "press_n": 8.0}, "press_n=8.0.*below the 5 N of `force_limit_n`"),

@@ -27,9 +27,10 @@ from sim.pictures.figures import GRID
 from sim.running.fields import config_of
 from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode
+from sim.running.sweep import SWEEP
 from sim.tables import markdown_table, nan_for_none
 
-from .sweep_trials import BASE, CONTENDERS, SWEEP, TIMES_S, Plan, Row, rows_of, run_plan
+from .sweep_trials import BASE, CONTENDERS, TIMES_S, Plan, Row, rows_of, run_plan
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "sweeps.md"

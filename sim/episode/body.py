@@ -191,21 +191,30 @@ class Body:
         Args:
             readings: The readings so far, in their order, each with how far its labels are believed.
         """
-        deviation_m = self._deviation_m(
-            np.array([r.points_m.mean(axis=0) for r in readings if len(r.points_m)])
-        )
-        now = self._T_rest_world()
+        middles_m = np.array([each.points_m.mean(axis=0) for each in readings if len(each.points_m)])
+        deviation_m, now = self._deviation_m(middles_m), self._T_rest_world()
         if self._shifts is not None:
-            points_m = [
-                self._released(raw)[0] @ T[:3, :3].T + T[:3, 3] for raw, T in zip(self._raw, now, strict=True)
-            ]
-            beams = [T[:3, :3] @ raw.T_world_probe[:3, 2] for raw, T in zip(self._raw, now, strict=True)]
-            measured = [each.at(own_m) for each, own_m in zip(readings, points_m, strict=True)]
-            self._shifts.observe(measured, np.array(beams))
-            for T_rest_world, shift_m in zip(now, self._shifts.shifts_m, strict=True):
-                T_rest_world[:3, 3] += shift_m
+            self._align(readings, now, self._shifts)
             deviation_m = float(np.hypot(deviation_m, self._shifts.deviation_m))
         return self._laid.anew(readings, now, deviation_m, lambda i: self._released(self._raw[i])[0])
+
+    def _align(
+        self, readings: Sequence[LabelledPoints], now: list[NDArray[np.float64]], shifts: ReadingShifts
+    ) -> None:
+        """Move what takes readings to rest to where they fit each other.
+
+        Args:
+            readings: The readings so far, with what is believed of their labels.
+            now: What takes each to rest by what contacts tell, shapes (4, 4), which is changed.
+            shifts: What is believed of how they lie beside each other.
+        """
+        measured, beams = [], []
+        for reading, raw, T in zip(readings, self._raw, now, strict=True):
+            measured.append(reading.at(self._released(raw)[0] @ T[:3, :3].T + T[:3, 3]))
+            beams.append(T[:3, :3] @ raw.T_world_probe[:3, 2])
+        shifts.observe(measured, np.array(beams))
+        for T_rest_world, shift_m in zip(now, shifts.shifts_m, strict=True):
+            T_rest_world[:3, 3] += shift_m
 
     def _deviation_m(self, points_m: NDArray[np.float64]) -> float:
         """How far points of the organ [m], shape (N, 3), are believed to be off, a root mean square [m]."""

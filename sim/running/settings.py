@@ -127,7 +127,7 @@ def servo_settings_of(config: EpisodeConfig) -> ServoSettings:
     """
     own, body = config.moving, config.body
     is_elastic, press_n = body.tissue == "elastic", None
-    if motion_of(config.moving.motion, config.arm, config.body) == "servo":
+    if motion_of(own.motion, config.arm, body) == "servo":
         _check_pressed_once(config)
         press_n = DEFAULT_PRESS_N if is_elastic and body.press_n is None else body.press_n
     try:

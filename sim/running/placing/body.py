@@ -56,8 +56,8 @@ class BodyConfig:
     """What tells where the organ lies: contacts (the belief is learnt from where the probe meets the surface) or none
     (the plan is believed)."""
     align_readings: bool = True
-    """Where the tip is measured with an error and contacts are believed, move each reading along the surface to where
-    its labels fit those of the others."""
+    """Where the tip is measured with an error and contacts are believed, move each reading across its beam to where its
+    labels fit those of the others."""
     register_above_mm: float | None = None
     """Spend actions on registering, where a contact tells most of the place, as long as the organ is believed to be off
     by more than this [mm]; by default none is."""

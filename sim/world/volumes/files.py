@@ -48,11 +48,12 @@ HOW = (
     "WriteImage(ReadImage('{name}'), 'labels.nii.gz')"
 )
 
-# The readers' libraries are imported where a volume is read, since most commands read none and would wait for them.
-
 
 def reader_errors() -> tuple[type[BaseException], ...]:
-    """What the readers may raise when fed with arbitrary bytes."""
+    """What the readers may raise when fed with arbitrary bytes.
+
+    Here and below their libraries are imported where a volume is read: most commands read none and would wait for them.
+    """
     import nrrd
     from nibabel.filebasedimages import ImageFileError
     from nibabel.spatialimages import HeaderDataError, HeaderTypeError, ImageDataError

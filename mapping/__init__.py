@@ -25,7 +25,7 @@ from .settings import DetailSettings, MapSettings
 from .trust.error_rates import ErrorRates
 from .trust.label_trust import LabelTrust
 from .trust.settings import TrustSettings
-from .trust.teaching import laid_anew, teach
+from .trust.teaching import laid_anew, settle, teach
 from .trust.votes import votes
 from .tumour_map import MapSpace, TumourMap, TumourMapFactory, load_map, make_hilbert_map
 
@@ -56,6 +56,7 @@ __all__ = [
     "make_hilbert_map",
     "merged",
     "precision_recall_curve",
+    "settle",
     "teach",
     "votes",
 ]

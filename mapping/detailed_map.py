@@ -117,6 +117,10 @@ class DetailedMap:
         """Fits every reading again as `HilbertMap.revise` does; the detail never depends on their order."""
         return self.coarse.revise(n_sweeps)
 
+    def settle(self) -> None:
+        """Does now what `update` has left for the next, as `HilbertMap.settle`."""
+        self.coarse.settle()
+
     @one_blas_thread()
     def predict(self, points_m: ArrayLike) -> Prediction:
         """The belief at any points [m], shape (N, 3)."""

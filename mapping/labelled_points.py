@@ -102,3 +102,19 @@ class LabelledPoints:
     def bounds_m(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Least and largest coordinates of the points [m], shapes (3,); there has to be one."""
         return self.points_m.min(axis=0), self.points_m.max(axis=0)
+
+
+def check_labels(is_occupied: ArrayLike, n_points: int) -> NDArray[np.float64]:
+    """Labels as numbers, shape (n_points,), 1 for tumour.
+
+    Raises:
+        ValueError: If there are more or fewer labels than points, or one is neither 0 nor 1.
+    """
+    labels = np.asarray(is_occupied, dtype=np.float64)
+    if labels.shape != (n_points,):
+        raise ValueError(
+            f"is_occupied must hold one label for each of {n_points} points, not shape {labels.shape}"
+        )
+    if not np.all((labels == 0) | (labels == 1)):
+        raise ValueError("is_occupied must hold only False and True (or 0 and 1)")
+    return labels

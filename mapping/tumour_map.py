@@ -41,8 +41,9 @@ class TumourMap(Protocol):
                 np.savez(path, points_m=self.points_m, labels=self.labels)
 
     What the built-in maps offer besides is optional, and whoever uses it says so: `predict(points_m)`, the belief at
-    any points; `revise(n_sweeps)`, which fits all readings again; `carry_samples(n_samples, rng=...)` and
-    `sample_lattice()`, draws of whole maps; `query_points_m()`, the points of the space once more.
+    any points; `revise(n_sweeps)`, which fits all readings again; `settle()`, which does what an update has put off;
+    `carry_samples(n_samples, rng=...)` and `sample_lattice()`, draws of whole maps; `query_points_m()`, the points of
+    the space once more.
     """
 
     def update(self, points_m: ArrayLike, is_occupied: ArrayLike, /) -> object:

@@ -96,6 +96,10 @@ class Belief(ABC):
         return False
 
     @abstractmethod
+    def settle(self) -> None:
+        """Does what taking in a reading has put off; nothing that can be asked depends on it."""
+
+    @abstractmethod
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws weights from the belief and moves them with every later reading.
 

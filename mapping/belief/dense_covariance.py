@@ -1,4 +1,8 @@
-"""The covariance of the weights as one dense matrix."""
+"""The covariance of the weights as one dense matrix.
+
+What a reading takes off the matrix only the next reading needs, so it is put off until somebody looks at the matrix, or
+until there is time (`settle`). The variance on the lattice, which a prediction needs, falls at once.
+"""
 
 from __future__ import annotations
 
@@ -46,10 +50,17 @@ class DenseCovariance(KeptCovariance):
         super().__init__(features, carried)
         self._is_exact = is_exact
         self._precision = precision
-        self.matrix = np.zeros((features.n_weights, features.n_weights), dtype=self._precision)
-        np.fill_diagonal(self.matrix, weight_variance)
+        self._matrix = np.zeros((features.n_weights, features.n_weights), dtype=self._precision)
+        np.fill_diagonal(self._matrix, weight_variance)
+        self._owed: list[tuple[NDArray[np.intp], NDArray[np.floating], float]] = []
         n_in_plane = features.hinges.n_points // features.hinges.shape[0]
         self._plane_of_weight = np.flatnonzero(features.weight_of_hinge >= 0) // n_in_plane
+
+    @property
+    def matrix(self) -> NDArray[np.floating]:
+        """Sigma, shape (M, M)."""
+        self.settle()
+        return self._matrix
 
     def among(self, C: NDArray[np.float64], weights: NDArray[np.intp]) -> NDArray[np.float64]:
         """See `KeptCovariance.among`."""
@@ -72,12 +83,23 @@ class DenseCovariance(KeptCovariance):
         return np.arange(first, last), products
 
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.floating], *, sign: float = 1.0) -> None:
-        """See `KeptCovariance.lower`."""
+        """See `KeptCovariance.lower`; the matrix itself falls when it is next looked at."""
+        self._owed.append((weights, G, sign))
+        if self._carried is not None:
+            self._carried.lower(weights, G, sign=sign)
+
+    def settle(self) -> None:
+        """See `KeptCovariance.settle`."""
+        owed, self._owed = self._owed, []
+        for weights, G, sign in owed:
+            self._fall(weights, G, sign)
+
+    def _fall(self, weights: NDArray[np.intp], G: NDArray[np.floating], sign: float) -> None:
         first, last = int(weights[0]), int(weights[-1]) + 1
         # Rows of zeros for the weights between cost less than picking entries out of the matrix.
         rows = np.zeros((last - first, G.shape[1]), dtype=self._precision)
         rows[weights - first] = G
-        part = self.matrix[first:last, first:last]
+        part = self._matrix[first:last, first:last]
         # A panel of rows at a time stays in the cache; what lies above the diagonal is copied, not computed.
         for start in range(0, len(rows), _PANEL):
             here = slice(start, min(start + _PANEL, len(rows)))
@@ -86,13 +108,11 @@ class DenseCovariance(KeptCovariance):
             corner = panel[:, start:]
             corner[:] = np.tril(corner) + np.tril(corner, -1).T
             part[:start, here] = panel[:, :start].T
-        if self._carried is not None:
-            self._carried.lower(weights, G, sign=sign)
 
     def _slab(self, weights: NDArray[np.intp]) -> tuple[int, int]:
         """The range of the weights, which run along x slowest, that may covary with some weights."""
         if self._is_exact:
-            return 0, len(self.matrix)
+            return 0, len(self._matrix)
         planes = self._plane_of_weight
         low, high = planes[weights.min()] - _MARGIN, planes[weights.max()] + _MARGIN
         return int(np.searchsorted(planes, low)), int(np.searchsorted(planes, high, side="right"))
@@ -123,15 +143,15 @@ class DenseCovariance(KeptCovariance):
         mean += cho_solve(factor, (information - precision @ mean).astype(self._precision))
         (invert,) = get_lapack_funcs(("potri",), factor[:1])
         inverse, _ = invert(factor[0], lower=True, overwrite_c=True)
-        above = inverse.T
+        above, self._owed = inverse.T, []
         for start in range(0, len(above), _PANEL):
             here = slice(start, start + _PANEL)
             corner = np.triu(above[here, here])
-            self.matrix[here, here] = corner + np.triu(corner, 1).T
-            self.matrix[here, here.stop :] = above[here, here.stop :]
-            self.matrix[here.stop :, here] = above[here, here.stop :].T
+            self._matrix[here, here] = corner + np.triu(corner, 1).T
+            self._matrix[here, here.stop :] = above[here, here.stop :]
+            self._matrix[here.stop :, here] = above[here, here.stop :].T
         if self._carried is not None:
-            self._carried.values = pairs.variance_on_lattice(self.matrix, self._carried.query)
+            self._carried.values = pairs.variance_on_lattice(self._matrix, self._carried.query)
         return mean
 
     def state(self) -> dict[str, NDArray]:
@@ -146,9 +166,9 @@ class DenseCovariance(KeptCovariance):
             KeyError: If an array is missing.
             ValueError: If an array is of another size or not finite, or the matrix is not positive definite.
         """
-        n_weights = len(self.matrix)
+        n_weights = len(self._matrix)
         triangle = checked_array(state, "covariance", (n_weights * (n_weights + 1) // 2,))
-        matrix = np.zeros_like(self.matrix)
+        matrix = np.zeros_like(self._matrix)
         matrix[np.tril_indices(n_weights)] = triangle
         matrix += np.tril(matrix, -1).T
         try:
@@ -157,4 +177,4 @@ class DenseCovariance(KeptCovariance):
             raise ValueError("its covariance is not positive definite") from None
         if self._carried is not None:
             self._carried.values = checked_array(state, "carried_variance", self._carried.values.shape)
-        self.matrix = matrix
+        self._matrix, self._owed = matrix, []

@@ -59,6 +59,9 @@ class DiagonalBelief(Belief):
         """Refuses: the diagonal form keeps no readings."""
         raise ValueError("the diagonal form cannot revise its readings; use form='full' or form='local'")
 
+    def settle(self) -> None:
+        """See `Belief.settle`; nothing is put off."""
+
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws standard normal weights once; the belief's mean and variances scale them, now and later."""
         self._standard = rng.standard_normal((len(self.mean), n_samples))

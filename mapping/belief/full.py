@@ -170,6 +170,10 @@ class FullBelief(Belief):
             self._samples = self._samples.drawn_anew(self.covariance)
         return True
 
+    def settle(self) -> None:
+        """Takes off the covariance what the last reading left for later; see `Belief.settle`."""
+        self.covariance.settle()
+
     def carry_samples(self, n_samples: int, rng: np.random.Generator) -> None:
         """Draws weights from the belief and moves them with every later reading; see `Belief.carry_samples`."""
         self._samples = WeightSamples(self.covariance.draw(n_samples, rng), rng)

@@ -48,6 +48,10 @@ class KeptCovariance(ABC):
             sign: 1 where the covariance falls, -1 where it rises.
         """
 
+    @abstractmethod
+    def settle(self) -> None:
+        """Does what `lower` has put off, for whoever has time now and none when the next reading comes."""
+
     def variance_on_lattice(self, query: Lattice) -> NDArray[np.float64]:
         """The variance of the latent on the lattice that it is carried on, shape (query.n_points,).
 

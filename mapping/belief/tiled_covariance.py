@@ -71,6 +71,9 @@ class TiledCovariance(KeptCovariance):
         others = self._may_covary(weights)
         return others, self._product(C, weights, others)
 
+    def settle(self) -> None:
+        """See `KeptCovariance.settle`; its tiles are few, and fall at once."""
+
     def lower(self, weights: NDArray[np.intp], G: NDArray[np.floating], *, sign: float = 1.0) -> None:
         """See `KeptCovariance.lower`."""
         for here, there in self._slabs(weights, weights):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..detailed_map import DetailedMap
+from ..hilbert_map import HilbertMap
 from ..labelled_points import LabelledPoints
 from ..tumour_map import TumourMap
 
@@ -27,6 +28,16 @@ def teach(tumour_map: TumourMap, labels: LabelledPoints) -> None:
         if values is not None and _takes(tumour_map, name)
     }
     tumour_map.update(labels.points_m, labels.is_occupied, **told)
+
+
+def settle(tumour_map: TumourMap) -> None:
+    """Has a map do what its last update has put off, where it puts off anything.
+
+    Args:
+        tumour_map: The map, which may be a user's own.
+    """
+    if isinstance(tumour_map, HilbertMap | DetailedMap):
+        tumour_map.settle()
 
 
 def laid_anew(

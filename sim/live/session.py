@@ -27,6 +27,7 @@ from mapping import (
     TrustSettings,
     TumourMapFactory,
     make_hilbert_map,
+    settle,
     teach,
 )
 from mapping.threads import one_blas_thread
@@ -115,6 +116,8 @@ class Session:
             pose = next(iter(self.planner.rank(situation)), None)
             if pose is not None:
                 tell_pose(self.pose_matrix(pose))
+            # What the next reading will need can be done while somebody carries the probe there.
+            settle(self.tumour_map)
             confidence = self.planner.confidence(situation) if self.planner.tells_confidence else None
             self._proposal = Proposal(
                 number=len(self.sensed) + 1,

@@ -10,6 +10,7 @@ import pytest
 from igtl_service import COARSE, proposed_ras_mm, sensed_sphere
 from plain_igtl import PlainClient
 
+from mapping.belief.dense_covariance import DenseCovariance
 from planner import make_planner
 from planner.find_and_outline.planner import FindAndOutline
 from sim.live.igtl.link import IgtlLink, LinkSettings
@@ -98,6 +99,21 @@ def test_poses_and_confidences_are_the_same_whether_poses_are_told_early_or_not(
             assert len(told) == 5
             np.testing.assert_array_equal(told[-1], proposal.T_world_probe)
     assert runs[0] == runs[1]
+
+
+def test_the_map_does_what_it_put_off_once_the_pose_is_told(organ, monkeypatch) -> None:
+    heard, settle = [], DenseCovariance.settle
+
+    def heard_settling(self):
+        heard.append("settled" if self._owed else "nothing owed")
+        settle(self)
+
+    session = Session(organ, make_planner("find-and-outline"), map_settings=COARSE)
+    session.observe(reading_at(session.propose().T_world_probe))
+    monkeypatch.setattr(DenseCovariance, "settle", heard_settling)
+    session.propose(lambda T: heard.append("told"))
+    assert heard[:2] == ["told", "settled"]
+    assert set(heard[2:]) <= {"nothing owed"}
 
 
 def test_an_event_is_on_the_disk_when_it_was_observed_however_slow_the_disk_is(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import tyro
 
-from sim.comparison.compare import FIGURES, compare, draw_views, slug
+from sim.comparison.compare import FIGURES, compare, draw_views, slug, view_trials
 from sim.comparison.comparison import Comparison, compare_groups
 from sim.comparison.tables import interval_text, pair_table
 from sim.comparison.trial_groups import load_groups
@@ -159,11 +159,13 @@ def views_section(options: Options) -> str:
 
 def write_views(options: Options, comparison: Comparison) -> None:
     """Draw top and side views of the final maps of one seed per case."""
+    trials = []
     for case, seed in VIEWS:
         groups = [g for g in comparison.groups_of(case) if case == SPHERE or g.contender == PLANNERS[0]]
-        part = Comparison(tuple(groups), (), ())
-        for path in draw_views(options.campaign / "views", part, seed, options.jobs):
-            shutil.copyfile(path, options.figures / f"{path.stem}-{path.parent.name}.png")
+        trials += view_trials(options.campaign / "views", Comparison(tuple(groups), (), ()), seed)
+    # The longest first, so that no core waits for the last.
+    for path in draw_views(trials[::-1], options.jobs):
+        shutil.copyfile(path, options.figures / f"{path.stem}-{path.parent.name}.png")
 
 
 if __name__ == "__main__":

@@ -107,7 +107,7 @@ def compare(
     ]
     views = None if view_seed is None else folder / "views"
     if views is not None and view_seed is not None:
-        figures += draw_views(views, comparison, view_seed, jobs)
+        figures += draw_views(view_trials(views, comparison, view_seed), jobs)
     write_comparison_page(folder, comparison, notes=notes, campaigns=campaigns, views=views, limits=limits)
     return CompareSummary(text, folder, tuple(figures))
 
@@ -125,8 +125,8 @@ def _default_folder(campaigns: Sequence[Path]) -> Path:
     return campaigns[0] / "-".join(["compare", *(slug(path.resolve().name) for path in campaigns[1:])])
 
 
-def draw_views(folder: Path, comparison: Comparison, seed: int, n_jobs: int) -> list[Path]:
-    """Run one seed of each contender again, write its episode folder, and return the top and side views of its map.
+def view_trials(folder: Path, comparison: Comparison, seed: int) -> list[Trial]:
+    """The trials of one seed, one of each contender, with the folders in which their episodes are to be written again.
 
     Raises:
         UsageError: No contender has that seed.
@@ -140,6 +140,11 @@ def draw_views(folder: Path, comparison: Comparison, seed: int, n_jobs: int) -> 
                 trials.append(Trial(config, folder=folder.absolute() / name))
     if not trials:
         raise FieldError("view_seed", seed, "no trial has that seed.")
+    return trials
+
+
+def draw_views(trials: Sequence[Trial], n_jobs: int) -> list[Path]:
+    """Run trials again, write their episode folders, and return the top and side views of their maps."""
     with LocalEngine(n_jobs, work=_write_folder) as engine, tqdm(total=len(trials), desc="views") as progress:
         for outcome in engine.outcomes(trials):
             progress.update(outcome is not None)

@@ -23,7 +23,7 @@ from .roadmap import Roadmap
 from .worth import explored_and_refined
 
 _N_GOALS = 20
-"""Goals that are tried, best first, where a path cannot be taken."""
+"""Goals to which paths are sought, best first, where a path cannot be taken; then poses are tried without one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class AStar(PathPlanner):
             raise PlannerError(f"`goal_gap_m` must be above 0 and finite, got {self.goal_gap_m}")
 
     def paths(self, situation: Situation) -> Iterator[tuple[int, ...]]:
-        """The cheapest path to the best goal, then those to the next. See `Planner.paths`."""
+        """The cheapest path to the best goal, those to the next, then all poses by worth. See `Planner.paths`."""
         roadmap = situation.roadmap or Roadmap.of_surface(situation.workspace)
         explored, refined = explored_and_refined(situation, "a-star")
         worth = self.explore * explored + (1.0 - self.explore) * refined
@@ -63,6 +63,9 @@ class AStar(PathPlanner):
             if situation.sensed and situation.sensed[-1] != goal:
                 path = cheapest_path(roadmap, situation.sensed[-1], goal, self.detour * (1.0 - worth))
             yield path[1:] if len(path) > 1 else (goal,)
+        for pose in np.argsort(-worth, kind="stable"):
+            if is_open[pose]:
+                yield (int(pose),)
 
 
 def cheapest_path(roadmap: Roadmap, start: int, goal: int, dearness: NDArray[np.float64]) -> tuple[int, ...]:

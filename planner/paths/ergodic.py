@@ -24,9 +24,6 @@ from .path_planner import PathPlanner
 from .roadmap import Roadmap
 from .worth import explored_and_refined
 
-_N_ALTERNATIVES = 20
-"""Places of highest potential that are tried where the best path cannot be taken."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Ergodic(PathPlanner):
@@ -55,7 +52,7 @@ class Ergodic(PathPlanner):
                 raise PlannerError(f"`{name}` must be above 0 and finite, got {getattr(self, name)}")
 
     def paths(self, situation: Situation) -> Iterator[tuple[int, ...]]:
-        """The way up the potential, then the places where it is highest. See `Planner.paths`."""
+        """The way up the potential, then all places, those where it is highest first. See `Planner.paths`."""
         roadmap = situation.roadmap or Roadmap.of_surface(situation.workspace)
         is_open = situation.available(exclude_sensed=True)
         potential = self._potential(situation, roadmap)
@@ -63,9 +60,8 @@ class Ergodic(PathPlanner):
             climbed = self._climbed(roadmap, potential, situation.sensed[-1])
             if climbed and is_open[climbed[-1]]:
                 yield climbed
-        potential = np.where(is_open, potential, -np.inf)
-        for pose in np.argsort(-potential, kind="stable")[:_N_ALTERNATIVES]:
-            if np.isfinite(potential[pose]):
+        for pose in np.argsort(-potential, kind="stable"):
+            if is_open[pose]:
                 yield (int(pose),)
 
     def _climbed(self, roadmap: Roadmap, potential: NDArray[np.float64], start: int) -> tuple[int, ...]:

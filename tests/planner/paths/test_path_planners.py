@@ -46,6 +46,14 @@ def test_paths_end_at_poses_that_are_left(name) -> None:
         assert all(type(pose) is int and 0 <= pose < WORKSPACE.n_poses for pose in path)
 
 
+@pytest.mark.parametrize("name", ["ergodic", "a-star", "find-and-outline-paths"])
+def test_no_pose_is_left_out_however_many_an_arm_cannot_reach(name) -> None:
+    # An arm that reaches none of the best places has to hear of all the others.
+    situation = on_ground(mean=np.full(len(POINTS), -4.0), sensed=(820,), skipped=set(range(0, 1600, 3)))
+    ends = {path[-1] for path in make_planner(name).paths(situation)}
+    assert ends == {*range(WORKSPACE.n_poses)} - situation.skipped - {820}
+
+
 def test_a_planner_of_poses_has_paths_of_one_pose() -> None:
     situation = on_ground(mean=np.full(len(POINTS), -4.0), sensed=(3,))
     planner = FindAndOutline()

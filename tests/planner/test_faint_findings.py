@@ -73,6 +73,18 @@ def test_two_faint_findings_count_both() -> None:
     assert (both >= one - 1e-9).all()
 
 
+def test_so_many_at_once_are_labels_that_are_wrong_and_draw_no_look() -> None:
+    apart_m = np.random.default_rng(0).permutation(POINTS_M[:: len(POINTS_M) // 200])
+    chosen: list[np.ndarray] = []
+    for place_m in apart_m:
+        if all(np.linalg.norm(place_m - other) > 0.02 for other in chosen):
+            chosen.append(place_m)
+    lone = [nearest_point(tuple(each)) for each in chosen[:9]]
+    assert len(lone) == 9
+    assert faint_of(called_at(*lone[:8])).any()
+    assert not faint_of(called_at(*lone)).any()
+
+
 def test_nothing_is_faint_where_labels_may_be_wrong_before_any_look_and_without_a_finding() -> None:
     situation = called_at(MIDDLE)
     for name in ("missed_rate", "false_positive_rate", "false_negative_rate"):

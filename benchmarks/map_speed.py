@@ -17,6 +17,7 @@ import os
 import subprocess
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter, process_time
@@ -26,11 +27,16 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from benchmarks.spheres import make_map, random_readings
-from mapping import HilbertMap, MapSettings
+from mapping import HilbertMap, LabelledPoints, MapSettings
+from mapping.belief.reduction import reduce_by_pivots
+from mapping.kernel import HingeFeatures, feature_products
+from sim.episode.setup import Setup
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "helpers"))
 from dense_reference import CholeskyReference, DenseDiagonal, DenseReference
 
+LEAST_SAID = 3e-3
+"""Share of a direction's variance that a reading takes away at least, or it is left out (mapping/belief/full.py)."""
 # Run by either checkout, so it knows nothing but what the map has offered for long.
 REPLAY = """
 import sys
@@ -113,25 +119,77 @@ def compare(arguments: Namespace) -> None:
             )
             ratio, error = there_ms / here_ms, abs(there - now).max()
             print(f"| {number} | {there_ms:.0f} | {here_ms:.0f} | {ratio:.2f} | {error:.1e} |")
-    report_floor(int(sizes[0]), int(sizes[1]))
+    report_floor(setup, episode.readings, int(sizes[0]), int(sizes[1]))
 
 
-def report_floor(rank: int, n_touched: int) -> None:
-    """Print what the fall of the covariance alone takes, its lower half, at the rate of this machine's products."""
-    for precision in (np.float64, np.float32):
-        rows = np.ones((n_touched, rank), dtype=precision)
-        times_s = []
-        with threadpool_limits(1):
-            for _ in range(7):
-                start_s = process_time()
-                np.matmul(rows, np.ones((rank, n_touched), dtype=precision))
-                times_s.append(process_time() - start_s)
-        rate = 2e-9 * n_touched**2 * rank / min(times_s)
-        gflop = 1e-9 * n_touched**2 * rank
-        print(
-            f"G G^T of rank {rank} on {n_touched} weights: {gflop:.2f} GFLOP, {1e3 * gflop / rate:.0f} ms at "
-            f"{rate:.0f} GFLOP/s in {precision.__name__}."
-        )
+def report_floor(setup: Setup, readings: Sequence[LabelledPoints], rank: int, n_touched: int) -> None:
+    """Print the products of which a reading consists, and what they take at the rate of this machine's products.
+
+    Args:
+        setup: The episode's.
+        readings: Its readings.
+        rank: Directions in which a reading moves the belief, the median.
+        n_touched: Weights whose variance it changes, the median.
+    """
+    features = HingeFeatures.build(setup.hinges, MapSettings().gamma_per_m2, setup.hinge_mask)
+    sizes = np.median([sizes_of(features, each.points_m) for each in readings[10:]], axis=0)
+    n, r, h, n_telling = map(int, sizes)
+    n_rounds, n_weights = MapSettings().n_em_iterations, features.n_weights
+    print(
+        f"A reading of {n} points has {r} pivots, whose features reach {h} of {n_weights} weights; {n_telling} "
+        f"directions could say more than {LEAST_SAID:g}, and {rank} move the belief."
+    )
+    gflop = {
+        "C Sigma, of pivots in groups of 64": 2e-9 * r * reach_of_groups(features, readings[10:]) * n_weights,
+        "C Sigma C^T and R, B": 2e-9 * (r * h * r + n * r * r),
+        f"the fit, {n_rounds} rounds": 1e-9 * n_rounds * (2 * n * r**2 + r**3),
+        "Y Z": 2e-9 * rank * (r * r + r * n_weights),
+        "G G^T, its lower half": 1e-9 * n_touched**2 * rank,
+    }
+    rate = product_rate()
+    print("| product | GFLOP | ms at the rate of products |\n|---|---|---|")
+    for name, size in {**gflop, "together": sum(gflop.values())}.items():
+        print(f"| {name} | {size:.2f} | {1e3 * size / rate:.0f} |")
+    print(f"Products ran at {rate:.0f} GFLOP/s in single precision.")
+
+
+def sizes_of(features: HingeFeatures, points_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
+    """Points, pivots, weights in reach, and directions that could tell more than `LEAST_SAID` before all readings."""
+    settings = MapSettings()
+    box = features.box_around(points_m, 10.0 * settings.tolerance)
+    factors, weights = features.along_axes(points_m, box), features.weights_in(box)
+    reduced = reduce_by_pivots(
+        factors, weights >= 0, tolerance=settings.tolerance, cutoff=10.0 * settings.tolerance
+    )
+    # A label's precision is 2 lambda, at most 1/4.
+    said = 0.25 * settings.weight_variance * np.linalg.eigvalsh(feature_products(factors, factors))
+    return len(points_m), len(reduced.directions), len(reduced.hinges), int((said > LEAST_SAID).sum())
+
+
+def reach_of_groups(features: HingeFeatures, readings: Sequence[LabelledPoints]) -> float:
+    """Weights that 64 pivots that lie together have features at, the median."""
+    found, settings = [], MapSettings()
+    for each in readings:
+        box = features.box_around(each.points_m, 10.0 * settings.tolerance)
+        factors, weights = features.along_axes(each.points_m, box), features.weights_in(box)
+        C = reduce_by_pivots(
+            factors, weights >= 0, tolerance=settings.tolerance, cutoff=10.0 * settings.tolerance
+        ).directions
+        order = np.argsort(C.argmax(axis=1), kind="stable")
+        groups = np.array_split(order, max(1, len(order) // 64))
+        found.append(np.mean([np.count_nonzero(C[group].any(axis=0)) for group in groups]))
+    return float(np.median(found))
+
+
+def product_rate(n: int = 1024) -> float:
+    """The rate of a product of two large matrices [GFLOP/s], the best of seven."""
+    square, times_s = np.ones((n, n), dtype=np.float32), []
+    with threadpool_limits(1):
+        for _ in range(7):
+            start_s = process_time()
+            np.matmul(square, square)
+            times_s.append(process_time() - start_s)
+    return 2e-9 * n**3 / min(times_s)
 
 
 def replayed(root: Path, folder: Path, form: str) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:

@@ -72,6 +72,22 @@ def load_limit(path: Path) -> Limit:
     )
 
 
+_AS_COUNTED = (
+    *(
+        "motion",
+        "sense",
+        "registration_mm",
+        "registration_deg",
+        "tracking_mm",
+        "tracking_deg",
+        "breathing_mm",
+    ),
+    "tissue",
+)
+"""Options by which an action is another than those that a bound counts: a sweep reads on the way, and servos, a body
+that moves or yields and a tip that is measured wrong put the cone elsewhere."""
+
+
 def limit_of_run(bounds: Sequence[Path], options: Mapping[str, Any]) -> dict[str, Any] | None:
     """What the first bound of a run's case says of the run; None where none is of its case.
 
@@ -123,16 +139,34 @@ def keep_limit(folder: Path, bounds: Sequence[Path]) -> None:
 
 
 def other_case(folder: Path, options: Mapping[str, Any]) -> str:
-    """Why bounds that are of another case than a run are refused, and what to do."""
+    """Why bounds that do not hold of a run are refused, and what to do where something can be done."""
+    if (other := not_counted(options)) is not None:
+        return f"does not hold of {folder}: {other}"
     return (
         f"is not of the case of {folder} ({options['scenario']}, arm {options['arm']}). Run `sounding bound` with the "
         "scenario and the arm of the run."
     )
 
 
+def not_counted(options: Mapping[str, Any]) -> str | None:
+    """Why the actions of a run are not those that a bound counts, as a sentence; None where they are.
+
+    Args:
+        options: The run's options, or a trial's settings; an option that is missing has its default.
+    """
+    for name in _AS_COUNTED:
+        value = options.get(name, default_of(name))
+        if value == "servo" or (name != "motion" and value != default_of(name)):
+            return (
+                "a bound counts actions that hold one cone each, at a planned pose of the organ as it was planned, and "
+                f"it ran with {name.replace('_', '-')} {value}."
+            )
+    return None
+
+
 def _is_of_case(bound: Mapping[str, Any], options: Mapping[str, Any]) -> bool:
-    """Whether a bound is of the organ, the tumours and the arm of a run, whose motion ends where it supposes."""
+    """Whether a bound is of the organ, the tumours and the arm of a run whose actions are those that it counts."""
     asked = {**bound["case"], **bound["options"]}
-    return options.get("motion", default_of("motion")) != "servo" and all(
+    return not_counted(options) is None and all(
         asked.get(name, default_of(name)) == options.get(name, default_of(name)) for name in SETUP_OPTIONS
     )

@@ -82,7 +82,7 @@ def _run(trial: Trial, start_s: float) -> TrialResult:
     summary = episode_summary(episode, totals, episode.metrics(), parts)
     found_start_s = perf_counter()
     measures, findings = _findings(witness.evidence())
-    summary |= measures
+    summary |= {"ended_by": episode.ended_by, **measures}
     findings_s = perf_counter() - found_start_s
     measured = (*totals.seconds(), *MEASURED)
     row = {"status": "finished"} | {

@@ -36,9 +36,11 @@ class Measure:
     form: str = "{:.1f}"
     """Format of its values."""
     after_equal_steps: bool = False
-    """Whether it compares only episodes that were not stopped by what they had sensed."""
+    """Whether it compares only episodes that were not stopped by what they had sensed, or by their planner."""
 
 
+STOPS = ("until_sensed", "until_confident", "miss_cost")
+"""Options by which an episode may end before its last action."""
 SENSINGS = Measure("sensings_to_95", "sensings to 95 %", True)
 MEASURES = (
     SENSINGS,
@@ -136,10 +138,13 @@ def compare_groups(groups: Sequence[TrialGroup], *, reference: str | None = None
 def horizon_of(groups: Sequence[TrialGroup]) -> float:
     """The fewest actions after which a trial of any contender was given up without getting there; infinite without one.
 
-    Beyond it nothing is known about that contender, so the restricted means of all count up to here.
+    Beyond it nothing is known about that contender, so the restricted means of all count up to here. A trial that its
+    planner ended, or that had no pose left, was given up where it ended.
     """
-    lacking = [group.n_steps for group in groups if np.isinf(group.sensings_to_95()).any()]
-    return float(min(lacking, default=math.inf))
+    lacking = [
+        group.values("n_sensings")[np.isinf(group.sensings_to_95())] for group in groups if group.entries
+    ]
+    return float(min((ended.min() for ended in lacking if ended.size), default=math.inf))
 
 
 def measured(group: TrialGroup, measure: Measure, horizon: float) -> NDArray[np.float64]:
@@ -150,7 +155,9 @@ def measured(group: TrialGroup, measure: Measure, horizon: float) -> NDArray[np.
 
 
 def _applies(measure: Measure, group: TrialGroup) -> bool:
-    if not group.entries or (measure.after_equal_steps and group.setting("until_sensed") is not None):
+    if not group.entries or (
+        measure.after_equal_steps and any(group.setting(name) is not None for name in STOPS)
+    ):
         return False
     if measure is SENSINGS:
         goal = group.setting("until_sensed")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.bound.limit import Limit, load_limit
+from sim.bound.limit import Limit, load_limit, not_counted
 from sim.bound.policy import CONFIDENCE
 from sim.errors import FieldError
 from sim.tables import markdown_table
@@ -39,14 +39,21 @@ class Beside:
     """Mean of the contender on all its seeds."""
     policy: float | None
     """The least mean of any policy, restricted alike; None where none is proven."""
+    got_there: bool
+    """Whether any of its trials did; if none, its mean is but the number of actions that it was given."""
 
     def cells(self) -> tuple[str, ...]:
         """The cells of a row, in the order of `LIMIT_HEAD`."""
-        hindsight = ("–", "–") if not self.n else (f"{self.hindsight:.2f}", _times(self.mean, self.hindsight))
+        hindsight = (
+            ("–", "–") if not self.n else (f"{self.hindsight:.2f}", self._times(self.mean, self.hindsight))
+        )
         policy = ("–", "–")
         if self.policy is not None:
-            policy = (f"{self.policy:.2f}", _times(self.policy_mean, self.policy))
+            policy = (f"{self.policy:.2f}", self._times(self.policy_mean, self.policy))
         return (self.contender, str(self.n), f"{self.policy_mean:.2f}", *hindsight, *policy)
+
+    def _times(self, mean: float, least: float) -> str:
+        return f"{mean / least:.2f} x" if self.got_there and least > 0.0 else "–"
 
 
 def load_limits(folders: Sequence[Path], comparison: Comparison) -> Limits:
@@ -75,12 +82,16 @@ def load_limits(folders: Sequence[Path], comparison: Comparison) -> Limits:
 
 
 def beside_limit(comparison: Comparison, case: str, limits: Limits) -> list[Beside]:
-    """The contenders of a case beside its limit; none where there is no limit, or nobody's actions were counted."""
+    """The contenders of a case beside its limit; none where there is no limit, or nobody's actions were counted.
+
+    Contenders are left out whose actions are not those that a bound counts.
+    """
     limit = limits.get(case)
     groups = [
         group
         for group in comparison.groups_of(case)
         if comparison.score(case, group.contender, SENSINGS.key) is not None
+        and not any(not_counted(entry["settings"]) for entry in group.entries)
     ]
     if limit is None or not groups:
         return []
@@ -98,6 +109,7 @@ def beside_limit(comparison: Comparison, case: str, limits: Limits) -> list[Besi
                 hindsight=float(np.minimum(fewest[is_known], horizon).mean()) if is_known.any() else math.nan,
                 policy_mean=float(needed.mean()),
                 policy=limit.least_mean(horizon),
+                got_there=bool(np.isfinite(group.sensings_to_95()).any()),
             )
         )
     return rows
@@ -111,13 +123,30 @@ def limit_parts(comparison: Comparison, case: str, limits: Limits) -> list[str]:
     return [
         f"### {SENSINGS.label}, beside the least possible",
         markdown_table(LIMIT_HEAD, [list(row.cells()) for row in rows]),
-        limit_note(limits[case]),
+        limit_note(limits[case], *_restrictions(comparison, case, rows)),
     ]
 
 
-def limit_note(limit: Limit) -> str:
-    """What the columns of the limit mean, and of what the bound is proven."""
-    text = "In hindsight: the fewest poses that are enough for whoever knows the truth, on the seeds that both have."
+def _restrictions(comparison: Comparison, case: str, rows: Sequence[Beside]) -> list[str]:
+    """What a reader of the table has to know of contenders that did not get there, or are not in it."""
+    scores = [comparison.score(case, row.contender, SENSINGS.key) for row in rows]
+    notes = []
+    if lacking := [score for score in scores if score is not None and score.n_never]:
+        notes.append(
+            f"Not every trial got there, so each counts at most {lacking[0].horizon:g} actions, on both sides."
+        )
+    named = {row.contender for row in rows}
+    for group in comparison.groups_of(case):
+        why = next((why for entry in group.entries if (why := not_counted(entry["settings"]))), None)
+        if why is not None and group.contender not in named:
+            notes.append(f"{group.contender} is left out: {why}")
+    return notes
+
+
+def limit_note(limit: Limit, *more: str) -> str:
+    """What the columns of the limit mean, of what the bound is proven, and what else there is to say."""
+    text = " ".join(more) + " " * bool(more)
+    text += "In hindsight: the fewest poses that are enough for whoever knows the truth, on the seeds that both have."
     if limit.policy is None:
         return text
     sure = limit.policy.least_mean(is_apart=True, confidence=CONFIDENCE)
@@ -150,7 +179,3 @@ def limit_rows(comparison: Comparison, limits: Limits) -> list[dict[str, Any]]:
                 if value is not None
             ]
     return rows
-
-
-def _times(mean: float, least: float) -> str:
-    return f"{mean / least:.2f} x" if least > 0.0 else "–"

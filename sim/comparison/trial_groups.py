@@ -18,9 +18,6 @@ from sim.errors import UsageError
 from sim.running.fields import default_of
 from sim.tables import nan_for_none
 
-ENDINGS = ("steps", "until_sensed")
-"""Options that say when an episode ends; the names of groups leave them out."""
-
 
 @dataclass(frozen=True, eq=False)
 class TrialGroup:
@@ -147,7 +144,7 @@ def _varying(settings: list[dict[str, Any]]) -> list[str]:
     """The options that tell contenders of one case apart."""
     apart: dict[str, None] = {}
     first: dict[tuple[str, str], dict[str, Any]] = {}
-    hidden = (*SETUP_OPTIONS, *ENDINGS, "planner", "seed", "map")
+    hidden = (*SETUP_OPTIONS, "planner", "seed", "map")
     for each in settings:
         other = first.setdefault((case_of(each), each["planner"]), each)
         for name in (*each, *other):

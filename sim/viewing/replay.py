@@ -30,7 +30,8 @@ def replay_table(recording: Recording) -> str:
             f"{step:>5} {len(motion.states):>7} {motion.motion_s:>10.2f} {motion.tip_path_m:>8.3f} {gap:>17}"
         )
         lines.append(f"{numbers}  {agreement}")
-    n, total_s = len(recording.motions), recording.duration_s
-    return "\n".join(
-        [*lines, f"{n} actions, procedure {total_s:.1f} s, of which sensing {n * recording.sensing_s:.1f} s"]
-    )
+    n, total = len(recording.motions), f"procedure {recording.duration_s:.1f} s"
+    # A sweep's readings are within its motion.
+    if recording.sensing_s > 0.0:
+        total += f", of which sensing {n * recording.sensing_s:.1f} s"
+    return "\n".join([*lines, f"{n} actions, {total}"])

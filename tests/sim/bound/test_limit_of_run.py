@@ -84,7 +84,16 @@ def test_a_bound_is_of_a_run_whose_organ_tumours_and_arm_it_has(runs, small_boun
     of_run = options(runs / "one")
     assert limit_of_run([small_bound], of_run) is not None
     assert limit_of_run([small_bound], of_run | {"planner": "random", "steps": 3}) is not None
-    others = {"n_tumours": 2}, {"arm": "default"}, {"cone_depth_mm": 40.0}, {"motion": "servo"}
+    others = (
+        *(
+            {"n_tumours": 2},
+            {"arm": "default"},
+            {"cone_depth_mm": 40.0},
+            {"motion": "servo"},
+            {"sense": "sweep"},
+        ),
+        *({"tissue": "elastic"}, {"breathing_mm": 8.0}, {"tracking_deg": 1.0}, {"registration_mm": 5.0}),
+    )
     assert [limit_of_run([small_bound], of_run | other) for other in others] == [None] * len(others)
 
 
@@ -96,5 +105,9 @@ def test_a_bound_of_another_case_and_a_folder_without_a_run_are_refused(runs, sm
     assert main(["report", str(run), "--bound", str(small_bound)]) == 2
     assert "--bound" in (said := capsys.readouterr().err)
     assert "is not of the case of" in said
+    config["options"] |= {"n_tumours": 1, "sense": "sweep"}
+    (run / "config.json").write_text(json.dumps(config))
+    assert main(["report", str(run), "--bound", str(small_bound)]) == 2
+    assert "it ran with sense sweep" in capsys.readouterr().err
     assert main(["report", str(tmp_path), "--bound", str(small_bound)]) == 2
     assert "holds no run of `sounding episode` that came to its end" in capsys.readouterr().err

@@ -159,6 +159,43 @@ def test_settings_that_differ_name_the_contenders(tmp_path) -> None:
     assert abs(pairing.estimate.difference.mean) == pytest.approx(0.2)
 
 
+def test_trials_of_one_planner_that_end_after_other_numbers_of_actions_are_never_pooled(tmp_path) -> None:
+    folders = [
+        write(tmp_path / name, [map_entry(seed, "random", [0.1 * seed] * n) for seed in range(6)])
+        for name, n in (("short", 3), ("long", 12))
+    ]
+    groups = [load_groups(order) for order in (folders, folders[::-1])]
+    for found in groups:
+        assert {group.contender for group in found} == {"random, steps 3", "random, steps 12"}
+        assert all(len(set(group.seeds.tolist())) == len(group.entries) == 6 for group in found)
+    # Another planner of the same case may have had other numbers: that planner's name says so, too.
+    stopped = write(tmp_path / "stopped", [entry(seed, "random", needed=3) for seed in range(6)])
+    longer = [entry(seed, "random", needed=3, until_sensed=0.99) for seed in range(6)]
+    found = load_groups([stopped, write(tmp_path / "longer", longer)])
+    assert {group.contender for group in found} == {"random, until_sensed 0.95", "random, until_sensed 0.99"}
+
+
+def test_a_trial_that_its_planner_ended_was_given_up_where_it_ended(tmp_path) -> None:
+    stops = {"until_sensed": None, "until_confident": 0.95}
+    entries = [entry(seed, "random", needed=None, **stops) for seed in range(6)]
+    for each, n in zip(entries, (40, 30, 50, 60, 70, 100), strict=True):
+        each["row"]["n_sensings"] = n
+    entries += [entry(seed, "expected-improvement", needed=80, **stops) for seed in range(6)]
+    comparison = compare_groups(load_groups([write(tmp_path / "one", entries)]))
+    scores = {score.contender: score for score in comparison.scores if score.measure.key == "sensings_to_95"}
+    # Beyond 30 actions nothing is known of random.
+    assert {score.horizon for score in scores.values()} == {30.0}
+    assert [score.estimate.mean for score in scores.values()] == [30.0, 30.0]
+    assert scores["random"].n_never == 6
+
+
+@pytest.mark.parametrize("stop", [{"until_confident": 0.95}, {"miss_cost": 100.0}])
+def test_scores_at_the_end_are_not_compared_where_planners_ended_their_episodes(tmp_path, stop) -> None:
+    entries = [map_entry(seed, "random", [0.1] * (2 + seed), steps=30, **stop) for seed in range(6)]
+    comparison = compare_groups(load_groups([write(tmp_path / "one", entries)]))
+    assert "auprc" not in {score.measure.key for score in comparison.scores}
+
+
 def test_scores_at_the_end_are_not_compared_where_episodes_stopped_at_a_goal(campaign) -> None:
     assert {score.measure.key for score in compare_groups(load_groups([campaign])).scores} == {
         "sensings_to_95"

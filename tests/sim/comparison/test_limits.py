@@ -82,6 +82,27 @@ def test_what_takes_longer_than_the_horizon_counts_alike_on_both_sides(campaign,
     assert "| random    | 4     |" in summary.text
 
 
+def test_a_contender_that_never_got_there_is_no_times_the_least(tmp_path):
+    entries = [entry(seed, "random", needed=None) for seed in range(3)]
+    entries += [entry(seed, "greedy-coverage", needed=6) for seed in range(3)]
+    text = compare((write(tmp_path / "c", entries),), bound=[bound_folder(tmp_path / "bound")]).text
+    rows = {line.split("|")[1].strip(): line.split("|")[2:-1] for line in text.splitlines() if "| " in line}
+    assert [cell.strip() for cell in rows["random"]][-5:] == ["100.00", "2.00", "–", "2.75", "–"]
+    assert "counts at most 100 actions, on both sides" in text
+
+
+@pytest.mark.parametrize("more", [{"sense": "sweep"}, {"tissue": "elastic"}, {"registration_mm": 5.0}])
+def test_contenders_whose_actions_a_bound_does_not_count_are_left_out_and_named(tmp_path, more):
+    entries = [entry(seed, "random", needed=4) for seed in range(3)]
+    entries += [entry(seed, "greedy-coverage", needed=6, **more) for seed in range(3)]
+    text = compare((write(tmp_path / "c", entries),), bound=[bound_folder(tmp_path / "bound")]).text
+    table = text[text.index("beside the least possible") :]
+    ((name, value),) = more.items()
+    assert "greedy-coverage is left out" in table
+    assert f"ran with {name.replace('_', '-')} {value}" in table
+    assert sum(line.startswith("| greedy-coverage") for line in table.split("\n\n")[1].splitlines()) == 0
+
+
 def test_without_a_bound_nothing_is_said_of_a_limit(campaign):
     summary = compare((campaign,))
     assert "least possible" not in summary.text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 
@@ -25,3 +26,16 @@ class FieldError(UsageError):
 def value_text(value: Any) -> str:
     """A value as people type it: the items of a tuple one after the other, no quotes."""
     return " ".join(map(str, value)) if isinstance(value, tuple | list) else str(value)
+
+
+def other_values(began: Mapping[str, Any], given: Mapping[str, Any]) -> str:
+    """The values that differ between what was begun and what is given now, as text; empty where none does."""
+    changed = sorted(key for key in {*began, *given} if began.get(key) != given.get(key))
+    return ", ".join(
+        f"`{key}` ({_short(began.get(key))} then, {_short(given.get(key))} now)" for key in changed
+    )
+
+
+def _short(value: Any, n_most: int = 60) -> str:
+    text = "none" if value is None else value_text(value)
+    return text if len(text) <= n_most else f"{text[: n_most - 3]}..."

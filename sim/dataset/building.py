@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache, partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -14,7 +15,7 @@ from mapping import MapSettings
 from mapping.storage import replacing
 from sim.episode.scenario import Scenario
 from sim.episode.setup import Setup, build_setup
-from sim.errors import UsageError
+from sim.errors import UsageError, other_values
 from sim.pictures.png import png_bytes
 from sim.record.locked_folder import LockedFolder
 from sim.record.ownership import MANIFEST
@@ -104,15 +105,22 @@ def _begin(plan: DatasetPlan) -> None:
     marker, identity = plan.folder / MARKER, json.loads(json.dumps(plan.identity()))
     if marker.is_file():
         known = json.loads(marker.read_text(encoding="utf-8")).get("identity", {})
-        flat = [each | each.get("episodes", {}) | {"episodes": None} for each in (known, identity)]
-        changed_names = sorted(key for key in {*flat[0], *flat[1]} if flat[0].get(key) != flat[1].get(key))
-        if changed_names:
+        began, given = (_as_options(each) for each in (known, identity))
+        if changed := other_values(began, given):
             raise UsageError(
-                f"{plan.folder}: holds a dataset that began with other values of {', '.join(changed_names)}. Give the "
-                "same to go on with it, or choose another `out`."
+                f"{plan.folder}: holds a dataset that began with other values of {changed}. Give the same to go on "
+                "with it, or choose another `out`."
             )
     content = {"machine": describe_machine(), "identity": identity, "n_episodes": len(plan.seeds)}
     _write_text(marker, json.dumps(content, indent=2) + "\n")
+
+
+def _as_options(identity: Mapping[str, Any]) -> dict[str, Any]:
+    """What a dataset is of, by the names of the options that say so."""
+    flat = {**identity, **identity.get("episodes", {})}
+    return {
+        "shard" if name == "shard_size" else name: value for name, value in flat.items() if name != "episodes"
+    }
 
 
 def _write_text(path: Path, text: str) -> None:

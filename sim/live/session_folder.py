@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mapping import Prediction
 from sim.episode.planned.planned_organ import PlannedOrgan
-from sim.errors import UsageError
+from sim.errors import UsageError, other_values
 from sim.record.locked_folder import LockedFolder
 from sim.record.ownership import MANIFEST
 from sim.record.run_folder import describe_machine
@@ -65,10 +65,9 @@ class SessionFolder(LockedFolder):
             known = json.loads(marker.read_text(encoding="utf-8"))["identity"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise UsageError(f"{marker}: cannot be read ({error}). Choose another `out`.") from error
-        changed = sorted(key for key in {*known, *identity} if known.get(key) != identity.get(key))
-        if changed:
+        if changed := other_values(known, identity):
             raise UsageError(
-                f"{self.path}: holds a session that began with other values of {', '.join(changed)}. Give the same "
+                f"{self.path}: holds a session that began with other values of {changed}. Give the same "
                 "options to go on with it, or choose another `out`."
             )
 

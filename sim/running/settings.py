@@ -150,7 +150,9 @@ def sweep_of(config: EpisodeConfig, body: BodyOptions | None) -> SweepSettings |
         FieldError: A value is out of range, or options do not go together.
     """
     motion, press_n = motion_of(config.moving.motion, config.arm, config.body), config.body.press_n
-    return sweep_settings(config.sweeping, motion=motion, press_n=press_n, sensor=config.sensor, body=body)
+    return sweep_settings(
+        config.sweeping, motion=motion, press_n=press_n, sensor=config.sensor, body=config.body
+    )
 
 
 def _check_pressed_once(config: EpisodeConfig) -> None:

@@ -11,11 +11,12 @@ from sim.errors import FieldError
 from .case import MM
 
 if TYPE_CHECKING:
-    from sim.episode.body_options import BodyOptions
     from sim.episode.moving.motion import MotionModel
     from sim.episode.setup import Setup
     from sim.episode.sweeping.settings import SweepSettings
     from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
+
+    from .placing.body import BodyConfig
 
 Sense = Literal["stop", "sweep"]
 STOP, SWEEP = "stop", "sweep"
@@ -47,7 +48,7 @@ _RANGES = {
 
 
 def sweep_settings(
-    own: SweepConfig, *, motion: MotionKind, press_n: float | None, sensor: str, body: BodyOptions | None
+    own: SweepConfig, *, motion: MotionKind, press_n: float | None, sensor: str, body: BodyConfig
 ) -> SweepSettings | None:
     """How the probe glides and reads; None where it senses where it stops.
 
@@ -56,7 +57,7 @@ def sweep_settings(
         motion: How the probe moves.
         press_n: Force of the probe on the organ [N]; None where none is named.
         sensor: The sensor's name.
-        body: How the organ's true place differs from the plan; None where it lies as planned.
+        body: Whether and how the organ's true place differs from the plan.
 
     Raises:
         FieldError: A value is out of range, or an option does not go together with a sweep, or means nothing without.
@@ -94,7 +95,7 @@ def sweep_settings(
     )
 
 
-def _check_company(sensor: str, body: BodyOptions | None) -> None:
+def _check_company(sensor: str, body: BodyConfig) -> None:
     """Check that nothing else is wanted that a sweep cannot do.
 
     Raises:
@@ -104,13 +105,21 @@ def _check_company(sensor: str, body: BodyOptions | None) -> None:
         raise FieldError(
             "sensor", sensor, "tilts the probe for each reading. Choose another sensor with `sense` sweep."
         )
-    if body is not None:
-        raise FieldError(
-            "sense",
-            SWEEP,
-            "a sweep takes the organ to be rigid and to lie where it was planned. Leave out the options of a "
-            "registration, a breath, a tracker and a tissue.",
-        )
+    for name in (
+        "registration_mm",
+        "registration_deg",
+        "tracking_mm",
+        "tracking_deg",
+        "breathing_mm",
+        "tissue",
+    ):
+        if (value := getattr(body, name)) != getattr(type(body)(), name):
+            raise FieldError(
+                name,
+                value,
+                f"does not go with `sense` {SWEEP}, which takes the organ to be rigid and to lie where it was planned. "
+                "Leave one of them out.",
+            )
 
 
 def motion_model_of(

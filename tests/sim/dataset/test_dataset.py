@@ -145,7 +145,7 @@ def test_it_goes_on_with_shards_that_are_missing_and_with_more_seeds(parquet, co
     (tmp_path / "run" / "manifest.json").write_text('{"sounding": "0.1.0"}')
     with pytest.raises(UsageError, match="holds a run"):
         build(plan_of(tmp_path / "run", config), n_jobs=1, tell=silent)
-    with pytest.raises(UsageError, match="other values of planner"):
+    with pytest.raises(UsageError, match=r"other values of `planner` \(.* then, .* now\)"):
         build(plan_of(folder, changed(config, planner="random")), n_jobs=1, tell=silent)
 
 

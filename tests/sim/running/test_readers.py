@@ -81,7 +81,10 @@ def test_a_false_blob_is_told_by_its_share_of_the_cone() -> None:
         ({"boundary_mm": 1.0}, "goes only with the sensors cone-with-errors"),
         ({**ERRING, "missed_share": 1.5}, "must be from 0 to 1"),
         ({**ERRING, "boundary_length_mm": 0.0}, "must be above 0"),
-        ({**ERRING, "flipped_free": 0.6, "flipped_tumour": 0.5}, "0.5: must add up to less than 1"),
+        (
+            {**ERRING, "flipped_free": 0.6, "flipped_tumour": 0.5},
+            "0.5: must add up to less than 1 with `flipped_free` of 0.6",
+        ),
         ({**ERRING, "sensor_option": ("a=1",)}, "goes only with a sensor of your own"),
         ({"label_trust": "told"}, "only a reader that errs tells its rates"),
         (

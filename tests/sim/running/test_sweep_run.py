@@ -85,7 +85,7 @@ def test_a_recording_is_as_long_as_the_procedure(run, episode) -> None:
         (["--arm", "default", "--motion", "servo"], "holds a force in a sweep. Name it (--press-n)"),
         (["--arm", "default", "--motion", "servo", "--press-n", "9"], "must be above 0 and below the 5 N"),
         (["--press-n", "2"], "--press-n 2.0: means nothing without --tissue elastic or --motion servo"),
-        (["--registration-mm", "5"], "takes the organ to be rigid"),
+        (["--registration-mm", "5"], "--registration-mm 5.0: does not go with --sense sweep"),
         (["--sensor", "ultrasound"], "tilts the probe for each reading"),
     ],
 )

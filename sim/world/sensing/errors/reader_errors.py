@@ -79,6 +79,6 @@ class ReaderErrors:
                 raise UsageError(f"`{name}` must be above 0, not {value:g}.")
         if self.flipped_free + self.flipped_tumour >= 1.0:
             raise UsageError(
-                "`flipped_free` and `flipped_tumour` must add up to less than 1, since at 1 a label says nothing, not "
-                f"{self.flipped_free:g} and {self.flipped_tumour:g}."
+                f"`flipped_tumour` must add up to less than 1 with `flipped_free` of {self.flipped_free:g}, since at 1 "
+                f"a label says nothing, not {self.flipped_tumour:g}."
             )

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from loky import ProcessPoolExecutor
+from tqdm import tqdm
 
 from sim.closeable import Closeable
 from sim.errors import UsageError
@@ -229,6 +230,8 @@ def _pickled(work: Callable[[Any], Any]) -> Path:
 def _begin(parent: int, work_file: Path) -> None:
     """Take the work, leave Ctrl-C to the process that started this one, and end when that one is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A bar's own lock is a semaphore of the system, which a process that is killed leaves behind.
+    tqdm.set_lock(threading.RLock())
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     _kept["work"] = pickle.loads(work_file.read_bytes())
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from functools import partial
@@ -15,6 +17,8 @@ import pytest
 from sim import workers as workers_module
 from sim.errors import UsageError
 from sim.workers import Workers
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def doubled_unless_killed(marker: Path, number: int) -> int:
@@ -114,3 +118,27 @@ def test_where_no_process_can_be_started_this_one_does_the_work_and_says_so(monk
     assert len(said) == 1
     assert "/dev/shm" in said[0]
     assert "\n" not in said[0]
+
+
+PROGRAM = """
+from tqdm import tqdm
+from sim.workers import Workers
+
+def with_a_bar(number):
+    return sum(tqdm(range(number), disable=False))
+
+if __name__ == "__main__":
+    import bars
+    with Workers(bars.with_a_bar, n_jobs=2) as workers:
+        print(sorted(done.result for done in workers.outcomes(range(1, 4)) if done))
+"""
+
+
+def test_bars_in_workers_leave_nothing_of_the_system_behind(tmp_path) -> None:
+    (tmp_path / "bars.py").write_text(PROGRAM)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    run = subprocess.run(
+        [sys.executable, "bars.py"], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == "[0, 1, 3]"
+    assert "leaked" not in run.stderr

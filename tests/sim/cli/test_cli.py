@@ -142,7 +142,7 @@ def wait_for_rows(process: subprocess.Popen, folder: Path, n: int) -> None:
     raise AssertionError(f"the run ended or stalled before {n} rows: {process.poll()}")
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
 def test_an_end_at_any_moment_keeps_what_was_done(
     small_ball, no_figures, tmp_path, how: signal.Signals
 ) -> None:

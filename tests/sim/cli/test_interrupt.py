@@ -30,6 +30,14 @@ def test_the_first_is_noted_even_in_a_finaliser_and_the_second_raises(capsys):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_a_request_to_end_is_noted_like_a_ctrl_c():
+    before = signal.getsignal(signal.SIGTERM)
+    with NotedInterrupt() as interrupt:
+        signal.raise_signal(signal.SIGTERM)
+        assert interrupt.is_set
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
 def test_outside_the_main_thread_it_leaves_signals_alone():
     seen = []
 

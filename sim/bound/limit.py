@@ -16,6 +16,7 @@ from mapping.storage import replacing
 from sim.campaign.study import SETUP_OPTIONS, parse_seeds
 from sim.errors import FieldError, UsageError
 from sim.running.fields import default_of
+from sim.running.placing.body import NOT_AS_PLANNED
 
 from .folder import read_bound, read_seed
 from .policy import PolicyBound
@@ -72,18 +73,7 @@ def load_limit(path: Path) -> Limit:
     )
 
 
-_AS_COUNTED = (
-    *(
-        "motion",
-        "sense",
-        "registration_mm",
-        "registration_deg",
-        "tracking_mm",
-        "tracking_deg",
-        "breathing_mm",
-    ),
-    "tissue",
-)
+_AS_COUNTED = ("motion", "sense", *NOT_AS_PLANNED)
 """Options by which an action is another than those that a bound counts: a sweep reads on the way, and servos, a body
 that moves or yields and a tip that is measured wrong put the cone elsewhere."""
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from sim.errors import FieldError
 
 from .case import MM
+from .placing.body import NOT_AS_PLANNED
 
 if TYPE_CHECKING:
     from sim.episode.moving.motion import MotionModel
@@ -105,14 +106,7 @@ def _check_company(sensor: str, body: BodyConfig) -> None:
         raise FieldError(
             "sensor", sensor, "tilts the probe for each reading. Choose another sensor with `sense` sweep."
         )
-    for name in (
-        "registration_mm",
-        "registration_deg",
-        "tracking_mm",
-        "tracking_deg",
-        "breathing_mm",
-        "tissue",
-    ):
+    for name in NOT_AS_PLANNED:
         if (value := getattr(body, name)) != getattr(type(body)(), name):
             raise FieldError(
                 name,

@@ -20,6 +20,12 @@ Tissue = Literal["rigid", "elastic"]
 DEFAULT_PRESS_N = 1.0
 """Force at which the probe stops on elastic tissue [N]."""
 
+NOT_AS_PLANNED = (
+    *("registration_mm", "registration_deg", "tracking_mm", "tracking_deg", "breathing_mm"),
+    "tissue",
+)
+"""Options by which the organ does not lie still and rigid where it was planned, or the tip not where it is measured."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class BodyConfig:

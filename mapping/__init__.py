@@ -21,6 +21,7 @@ from .metrics import (
     precision_recall_curve,
 )
 from .prediction import Prediction
+from .read_only import read_only
 from .settings import DetailSettings, MapSettings
 from .trust.error_rates import ErrorRates
 from .trust.label_trust import LabelTrust
@@ -56,6 +57,7 @@ __all__ = [
     "make_hilbert_map",
     "merged",
     "precision_recall_curve",
+    "read_only",
     "settle",
     "teach",
     "votes",

@@ -37,6 +37,8 @@ class Verdict:
     n_near: int = 0
     """How many of them gave results that are the same within the tolerance, but not to the last digit."""
     is_interrupted: bool = False
+    n_failed: int = 0
+    """Trials that failed in the submission; without the planner there is nothing to run again."""
 
 
 def verify(
@@ -80,7 +82,8 @@ def verify(
             n_near += sum(
                 _text(one) != _text(two) and _is_same(one, two) for one, two in zip(told, found, strict=True)
             )
-    return Verdict(tuple(faults), n_trials, n_near)
+    statuses = [each["status"] for part in content["tasks"].values() for each in part["trials"]]
+    return Verdict(tuple(faults), n_trials, n_near, n_failed=len(statuses) - statuses.count("finished"))
 
 
 def _check_key(content: Mapping[str, Any], key: bytes | None) -> None:

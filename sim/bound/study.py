@@ -54,13 +54,12 @@ class BoundSettings:
 def question_of(config: EpisodeConfig, settings: BoundSettings) -> dict[str, Any]:
     """What is asked, as bound.json keeps it."""
     options = recorded(changed(config, seed=0))
-    case = {name: value for name, value in Trial(config).settings.items() if name in SETUP_OPTIONS}
     return json.loads(
         json.dumps(
             {
                 "sounding": describe_machine()["sounding"],
                 "options": {name: value for name, value in options.items() if name != "seed"},
-                "case": case,
+                "case": case_settings(config),
                 "goal": SENSED_GOAL,
                 "n_places": settings.n_places,
                 "first_place": FIRST_PLACE,
@@ -69,6 +68,12 @@ def question_of(config: EpisodeConfig, settings: BoundSettings) -> dict[str, Any
             default=str,
         )
     )
+
+
+def case_settings(config: EpisodeConfig) -> dict[str, Any]:
+    """The settings that make the case of a bound, as bound.json keeps them."""
+    settings = {name: value for name, value in Trial(config).settings.items() if name in SETUP_OPTIONS}
+    return json.loads(json.dumps(settings, default=str))
 
 
 def bound_study(

@@ -16,7 +16,7 @@ from sim.streams import safe_streams
 from sim.suggestions import did_you_mean
 from sim.world.errors import WorldError
 
-from .terminal import BAD_INPUT, in_flags
+from .terminal import BAD_INPUT, FAILED, in_flags
 
 COMMANDS = {
     "episode": "episode",
@@ -70,7 +70,15 @@ def _run(words: list[str]) -> int:
             return 0
         if command is None:
             return _help(words)
-        return command.run(command.parse_options(words[1:], f"sounding {words[0]}"))
+        options = command.parse_options(words[1:], f"sounding {words[0]}")
+        try:
+            return command.run(options)
+        except SystemExit as error:
+            # Nothing of ours ends the process, but what a user brings along may.
+            print(
+                f"sounding: code that was called ended the program (exit code {error.code}).", file=sys.stderr
+            )
+            return FAILED
     except (UsageError, WorldError, PlannerError) as error:
         print(f"sounding: {in_flags(error, command and command.Options)}", file=sys.stderr)
         return BAD_INPUT

@@ -17,7 +17,7 @@ from tyro.constructors import ConstructorRegistry, StructConstructorSpec, Struct
 from sim.errors import FieldError, UsageError, value_text
 from sim.running.fields import field_names, leaf_fields
 
-NOT_REACHED, NOT_USABLE, BAD_INPUT, INTERRUPTED = 1, 1, 2, 130
+NOT_REACHED, NOT_USABLE, FAILED, BAD_INPUT, INTERRUPTED = 1, 1, 1, 2, 130
 """Exit codes besides 0."""
 Options = TypeVar("Options")
 _IN_BACKTICKS = re.compile(r"`(\w+)`")

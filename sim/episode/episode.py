@@ -36,10 +36,11 @@ from .measures import NEVER, never, note_first
 from .moving.approach import approach_first
 from .moving.arm_motion import make_motion_model
 from .moving.motion import MotionModel, SkippedPose
+from .planned.checks import check_parts, checked_confidence, checked_poses, checked_prediction
 from .setup import Setup
 from .step import Ending, Step
 from .sweeping.score import SweepScore, joined_reading, taught_together
-from .target_belief import TargetBelief, check_parts, checked_prediction, draws_of, map_maker
+from .target_belief import TargetBelief, draws_of, map_maker
 from .truth import Truth, make_truth
 
 
@@ -169,7 +170,7 @@ class Episode:
     def confidence(self) -> float:
         """How sure the planner is, from what is known so far, that nothing is left to find or outline."""
         if (known := (len(self.sensed), len(self.skipped))) not in self._confidence:
-            self._confidence = {known: self.planner.confidence(self.situation())}
+            self._confidence = {known: checked_confidence(self.planner, self.situation())}
         return self._confidence[known]
 
     def metrics(self) -> MapMetrics | None:
@@ -179,8 +180,9 @@ class Episode:
     def _sense_once(self, number: int, on_skipped: Callable[[int], None]) -> Step | None:
         start_s = perf_counter()
         situation = self.situation()
+        ranking = self.motion_model.ranking(self.planner, situation)
         approach = approach_first(
-            registering_first(self.motion_model.ranking(self.planner, situation), situation),
+            registering_first(checked_poses(self.planner, ranking, self.setup.workspace.n_poses), situation),
             self.setup.positioner,
             self.motion_model,
             self.data,

@@ -21,10 +21,11 @@ from mapping import (
     evaluate_map,
     laid_anew,
 )
-from planner import Cone, Planner
+from planner import Cone
 from sim.world.sensing.reading import Reading
 
 from .measures import NEVER, never, note_first
+from .planned.checks import checked_prediction
 
 if TYPE_CHECKING:
     from mapping.registration import Laid
@@ -151,42 +152,3 @@ def map_maker(
 ) -> Callable[[], TumourMap] | None:
     """What makes a map before any reading, on the setup's lattices; None where no map is kept."""
     return None if make is None else lambda: make(setup.map_space(settings, detail))
-
-
-def checked_prediction(tumour_map: TumourMap, n_points: int) -> Prediction:
-    """What a map predicts on its lattice.
-
-    Args:
-        tumour_map: The map, which may be a user's own.
-        n_points: How many points of the lattice lie in the organ.
-
-    Raises:
-        ValueError: It is no prediction, or one of another number of points.
-    """
-    prediction, name = tumour_map.predict_lattice(), type(tumour_map).__name__
-    if not isinstance(prediction, Prediction):
-        raise ValueError(
-            f"{name}.predict_lattice returned a {type(prediction).__name__}; it must return a Prediction, for example "
-            "by Prediction.from_probability."
-        )
-    if len(prediction.latent_mean) != n_points:
-        raise ValueError(
-            f"{name}.predict_lattice returned {len(prediction.latent_mean)} values; it must return one for each of the "
-            f"{n_points} points of MapSpace.points_m."
-        )
-    return prediction
-
-
-def check_parts(
-    planner: Planner, seed: int, tumour_map: TumourMapFactory | None, *, casts_rays: bool
-) -> None:
-    """Check that the parts of an episode go together."""
-    if seed < 0:
-        raise ValueError(f"seed={seed}: must be 0 or more.")
-    if planner.needs_belief and tumour_map is None:
-        raise ValueError(f"{type(planner).__name__} needs a belief: tumour_map must not be None.")
-    # A planner of one's own may derive from no class of ours.
-    if getattr(planner, "needs_readings", False) and not casts_rays:
-        raise ValueError(f"{type(planner).__name__} needs readings: casts_rays must be True.")
-    if tumour_map is not None and not casts_rays:
-        raise ValueError("A map needs readings: casts_rays must be True.")

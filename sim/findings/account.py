@@ -14,10 +14,10 @@ from typing import Any
 from .tables import FINDINGS
 
 MEANING = (
-    "Found is a tumour of which the map calls at least two lattice points tumour, sensed is how much of the tumours' "
-    "volume lay in some cone, and AUPRC how well the map tells tumour from healthy tissue in the whole organ (1 is "
-    "perfect): the map fills in what lies between and beside the cones, so it can be nearly right while much of a "
-    "tumour was never sensed, and it can miss a small one that was."
+    "Found is a tumour of which the map calls at least two lattice points tumour, sensed is how much of a tumour lay "
+    "in some cone, in the mean over the tumours, large or small, and AUPRC how well the map tells tumour from healthy "
+    "tissue in the whole organ (1 is perfect): the map fills in what lies between and beside the cones, so it can be "
+    "nearly right while much of a tumour was never sensed, and it can miss a small one that was."
 )
 PAPER_PLANNER, OUTLINING_PLANNER = "expected-improvement", "find-and-outline"
 PAPER = (

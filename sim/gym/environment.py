@@ -13,9 +13,9 @@ from mapping.threads import one_blas_thread
 from planner import Situation
 from sim.episode.episode import Episode
 from sim.episode.measures import SENSED_GOAL
+from sim.episode.planned.checks import checked_prediction
 from sim.episode.setup import Setup
 from sim.episode.step import Step
-from sim.episode.target_belief import checked_prediction
 from sim.errors import FieldError
 from sim.running.config import EpisodeConfig
 from sim.running.fields import changed

@@ -32,8 +32,9 @@ from mapping import (
 )
 from mapping.threads import one_blas_thread
 from planner import Planner, Situation
+from sim.episode.planned.checks import checked_confidence, checked_poses, checked_prediction
 from sim.episode.planned.planned_organ import PlannedOrgan
-from sim.episode.target_belief import checked_prediction, draws_of
+from sim.episode.target_belief import draws_of
 from sim.world.frames import frames_along
 from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.reading import Reading
@@ -113,12 +114,15 @@ class Session:
         if self._proposal is None:
             start_s = perf_counter()
             situation = self.situation()
-            pose = next(iter(self.planner.rank(situation)), None)
+            ranking = checked_poses(self.planner, self.planner.rank(situation), self.organ.workspace.n_poses)
+            pose = next(ranking, None)
             if pose is not None:
                 tell_pose(self.pose_matrix(pose))
             # What the next reading will need can be done while somebody carries the probe there.
             settle(self.tumour_map)
-            confidence = self.planner.confidence(situation) if self.planner.tells_confidence else None
+            confidence = (
+                checked_confidence(self.planner, situation) if self.planner.tells_confidence else None
+            )
             self._proposal = Proposal(
                 number=len(self.sensed) + 1,
                 pose_index=pose,

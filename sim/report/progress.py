@@ -30,7 +30,7 @@ def progress(
     height = height or (ONE_OF_THREE if target is None else ONE_OF_FOUR)
     charts = [
         _chart(records, "sensed_fraction", colours or ["truth"], "sensed", "Tumour sensed",
-               "share of the tumours’ volume that lay in some cone", height=height,
+               "share of a tumour that lay in some cone, mean over the tumours", height=height,
                label="Share of the tumours sensed over the sensing actions",
                y_top=1.0, is_percent=True, target=SENSED_GOAL),
         _chart(records, "auprc", colours or ["map"], "auprc", "AUPRC of the map",

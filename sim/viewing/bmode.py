@@ -128,7 +128,7 @@ def _pose_of(wanted: tuple[float, ...] | None, workspace: Workspace, truth: Trut
         return int(np.argmin(np.linalg.norm(positions_m - np.array(wanted), axis=1)))
     number = wanted[0]
     if not (math.isfinite(number) and number == int(number) and 0 <= number < len(normals)):
-        raise FieldError("pose", f"{number:g}", f"must be a whole number from 0 to {len(normals) - 1}.")
+        raise FieldError("pose", f"{number:.15g}", f"must be a whole number from 0 to {len(normals) - 1}.")
     return int(number)
 
 

@@ -30,6 +30,7 @@ from ..policy_files import block_file, blocks, read_block
 from ..policy_study import need_of_one, reason_against
 from ..poses import StandingPoses
 from ..stage import Stage
+from ..study import case_settings
 from ..summary import fewest_of, hindsight_summary
 from .plain_cones import held_points
 from .policy_checking import BlockCheck, check_policy
@@ -56,7 +57,12 @@ def check_bound(path: Path, *, n_jobs: int = 2, show_progress: bool = True) -> l
     if content.get("status") != "finished":
         raise UsageError(f"{path}: is not finished. Run `sounding bound` with the same options to its end.")
     with threadpool_limits(limits=1), NotedInterrupt("stopping the check.") as interrupt:
-        stage = Stage(config_of(content["options"]))
+        config = config_of(content["options"])
+        require(
+            content["case"] == (case := case_settings(config)),
+            f"bound.json: case is {content['case']}, and not {case}",
+        )
+        stage = Stage(config)
         told = list(_check_poses(path, stage, content))
         told += _check_seeds(path, stage, content, interrupt, n_jobs, show_progress=show_progress)
         told += _check_places(path, stage, content, interrupt, n_jobs, show_progress=show_progress)

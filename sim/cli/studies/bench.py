@@ -123,6 +123,9 @@ def _verify(options: Options) -> int:
     told = "is the same to the last digit"
     if found.n_near:
         told = f"is the same, in {found.n_near} of them not to the last digit, as on another processor"
+    if found.n_failed and not options.rerun:
+        n = found.n_failed
+        told += f"; {n} that failed there have no end to compare, and count as the worst"
     print(f"verified: {found.n_trials} trials were {how}, and every result and score {told}.")
     return 0
 

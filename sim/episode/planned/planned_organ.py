@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping import DetailSettings, Lattice, MapSettings, MapSpace
+from mapping import DetailSettings, Lattice, MapSettings, MapSpace, read_only
 from planner import Cone, Workspace, visible_points
 from sim.world.anatomy.case_files import CaseFiles
 from sim.world.anatomy.liver_generator import make_liver
@@ -79,6 +79,11 @@ class PlannedOrgan:
     """How far from the organ hinges may lie [m]."""
     notices: tuple[str, ...] = ()
     """What was repaired or is unusual about the files."""
+
+    def __post_init__(self) -> None:
+        """Locks the arrays, which planners are shown and later episodes use again."""
+        for name in ("hinge_mask", "is_inside", "search_points_m", "is_visible", "surface_distance_m"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def organ_distance(self) -> DistanceGrid:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +61,13 @@ class Reading:
 
     @property
     def labels(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], _Values, _Values]:
-        """Points, labels, and what is said of each label: what a map learns from."""
-        return self.points_m, self.is_occupied, self.log_odds, self.weight
+        """Points, labels, and what is said of each label: what maps and planners are shown, who cannot write to it."""
+        return (
+            _locked(self.points_m),
+            _locked(self.is_occupied),
+            None if self.log_odds is None else _locked(self.log_odds),
+            None if self.weight is None else _locked(self.weight),
+        )
 
     def __post_init__(self) -> None:
         """Checks shapes and types, so that a sensor's slip shows here and not inside the map.
@@ -84,3 +89,9 @@ class Reading:
         for name, values in labels.items():
             if values.dtype != np.bool_:
                 raise ValueError(f"{name} of a reading holds values of type {values.dtype}, expected bool.")
+
+
+def _locked(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.setflags(write=False)
+    return view

@@ -14,6 +14,7 @@ from time import perf_counter
 from typing import ClassVar
 
 from planner import Planner, Situation, WhatIsLeft
+from sim.episode.planned.checks import checked_poses
 from sim.episode.positioner import Positioner
 
 N_AHEAD = 32
@@ -27,13 +28,14 @@ class Lookahead(Planner):
 
     def __init__(self, planner: Planner, positioner: Positioner) -> None:
         """Rank as `planner`, which needs no belief, and prepare on `positioner`."""
-        self._planner, self._positioner = planner, positioner
+        self.stands_for, self._positioner = planner, positioner
         self.prepare_s = 0.0
         """Time that the positioner took to prepare poses [s]."""
 
     def rank(self, situation: Situation) -> Iterator[int]:
         """The planner's own ranking."""
-        for pose in self._planner.rank(situation):
+        ranking = checked_poses(self.stands_for, self.stands_for.rank(situation), situation.workspace.n_poses)
+        for pose in ranking:
             if not self._positioner.is_prepared(pose):
                 poses = [pose, *self._next_poses(situation, pose)]
                 start_s = perf_counter()
@@ -44,24 +46,24 @@ class Lookahead(Planner):
     @property
     def tells_confidence(self) -> bool:
         """Whether the planner itself can tell."""
-        return self._planner.tells_confidence
+        return self.stands_for.tells_confidence
 
     def confidence(self, situation: Situation) -> float:
         """The planner's own confidence."""
-        return self._planner.confidence(situation)
+        return self.stands_for.confidence(situation)
 
     @property
     def weighs_cost(self) -> bool:
         """Whether the planner itself can tell."""
-        return self._planner.weighs_cost
+        return self.stands_for.weighs_cost
 
     def is_worth_going_on(self, situation: Situation) -> bool:
         """Whether more actions are worth it to the planner itself."""
-        return self._planner.is_worth_going_on(situation)
+        return self.stands_for.is_worth_going_on(situation)
 
     def what_is_left(self, situation: Situation) -> WhatIsLeft | None:
         """What the planner itself expects to be left."""
-        return self._planner.what_is_left(situation)
+        return self.stands_for.what_is_left(situation)
 
     def _next_poses(self, situation: Situation, pose: int) -> list[int]:
         """The poses that the planner will choose after `pose`, if all are reached."""
@@ -70,7 +72,7 @@ class Lookahead(Planner):
         while len(ahead) < N_AHEAD - 1:
             later = dataclasses.replace(situation, sensed=(*situation.sensed, pose, *ahead), rng=rng)
             try:
-                first = next(iter(self._planner.rank(later)), None)
+                first = next(iter(self.stands_for.rank(later)), None)
             # A planner may not bear a situation that never came, with poses sensed but not yet read. What it raises in
             # the situations that do come is raised there.
             except (Exception, SystemExit):

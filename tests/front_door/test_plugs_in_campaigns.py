@@ -63,7 +63,7 @@ ERRORS = {
     "broken:Refuses": "PlugError: `planner` 'broken:Refuses' raised RuntimeError: no licence (broken.py, line 13)",
     "broken:Tires": "ZeroDivisionError: tired",
     "broken:Quits": "SystemExit: enough",
-    "broken:Boasts": "TypeError: Object of type object is not JSON serializable",
+    "broken:Boasts": "ValueError: Boasts.confidence returned <object object at",
     "broken:Falls": "KeyError: 'cable'",
     "broken:Overflows": "OverflowError: too many points",
     "broken:Vague": "ValueError: every score must be finite",
@@ -273,3 +273,21 @@ def test_a_planner_without_a_belief_is_as_confident_in_a_campaign_as_in_an_episo
     )  # fmt: skip
     assert single["n_sensings"] == 3
     assert float(rows[0]["confidence"]) == single["confidence"] == 0.75
+
+
+def test_a_planner_that_ends_the_program_makes_no_run_that_is_done(user, capsys) -> None:
+    body = "import sys\nimport sounding\n\nclass Quits(sounding.Planner):\n    def rank(self, situation):\n"
+    (user / "quitting.py").write_text(f"{body}        sys.exit('enough')\n")
+    words = [
+        "episode",
+        "--scenario",
+        "spheres",
+        "--planner",
+        "quitting:Quits",
+        "--arm",
+        "none",
+        "--no-report",
+    ]
+    assert main([*words, "--frames", "none", "--out", "quits"]) == 1
+    assert "code that was called ended the program (exit code enough)" in capsys.readouterr().err
+    assert json.loads((user / "quits" / "manifest.json").read_text())["status"] == "failed"

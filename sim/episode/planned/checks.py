@@ -45,7 +45,7 @@ def checked_poses(planner: Planner, ranking: Iterable[int], n_poses: int) -> Ite
     Raises:
         ValueError: It is no iterable, or what comes is no index of a pose.
     """
-    name = type(planner).__name__
+    name = _name_of(planner)
     if not isinstance(ranking, Iterable):
         raise ValueError(f"{name}.rank returned {ranking!r}; it must yield or return indices of poses.")
     for pose in ranking:
@@ -64,11 +64,16 @@ def checked_confidence(planner: Planner, situation: Situation) -> float:
         ValueError: It is no probability.
     """
     confidence = planner.confidence(situation)
-    if not 0.0 <= confidence <= 1.0:
+    if not isinstance(confidence, int | float | np.number) or not 0.0 <= confidence <= 1.0:
         raise ValueError(
-            f"{type(planner).__name__}.confidence returned {confidence!r}; it must be a number from 0 to 1."
+            f"{_name_of(planner)}.confidence returned {confidence!r}; it must be a number from 0 to 1."
         )
     return confidence
+
+
+def _name_of(planner: Planner) -> str:
+    """The class of a planner, or of the one that it stands for."""
+    return type(getattr(planner, "stands_for", planner)).__name__
 
 
 def check_parts(

@@ -14,6 +14,7 @@ import pytest
 
 from sim.bench.results import trial_scores
 from sim.bench.run import BenchSettings, run_bench
+from sim.bench.verify import verify
 from sim.cli.command_line import main
 from sim.errors import UsageError
 from sim.plugs.errors import PlugError
@@ -108,6 +109,8 @@ def test_a_planner_that_raises_has_the_worst_score(own_planner, toys, here) -> N
     assert [parts[task.name]["n_failed"] for task in toys] == [2, 2]
     assert [parts[task.name]["mean"] for task in toys] == [3.0, 0.0]
     assert "no idea" in parts["toy-v1"]["trials"][0]["error"]
+    verdict = verify(own_planner / "out", tasks=toys)
+    assert (verdict.faults, verdict.n_trials, verdict.n_failed) == ((), 0, 4)
 
 
 def test_a_tumour_that_was_never_sensed_counts_as_the_most_actions(toys) -> None:

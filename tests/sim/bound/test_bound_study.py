@@ -137,6 +137,15 @@ def test_a_tampered_certificate_is_caught(small_bound, tmp_path, capsys, name, k
     assert name.split("/")[0] != "seeds" or "seed 1" in told
 
 
+def test_a_case_that_is_not_that_of_the_options_is_caught(small_bound, tmp_path):
+    folder = shutil.copytree(small_bound, tmp_path / "copy")
+    content = json.loads((folder / "bound.json").read_text())
+    content["case"]["scenario"] = "liver"
+    (folder / "bound.json").write_text(json.dumps(content))
+    with pytest.raises(DoesNotHoldError, match=r"bound\.json: case is .*liver.*, and not"):
+        check_bound(folder, n_jobs=1, show_progress=False)
+
+
 @pytest.mark.parametrize(
     ("old", "new"), [('"least_mean": ', '"least_mean": 1'), ('"n_proven": 3', '"n_proven": 2')]
 )

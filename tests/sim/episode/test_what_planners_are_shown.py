@@ -105,7 +105,7 @@ def test_a_ranking_of_what_is_no_pose_ends_the_episode_before_the_probe_goes_the
         Session(plan_organ(SMALL, COARSE), Own(ranking), map_settings=COARSE).propose()
 
 
-@pytest.mark.parametrize("sure", [np.nan, 1.7, -0.1])
+@pytest.mark.parametrize("sure", [np.nan, 1.7, -0.1, "sure", None])
 def test_a_confidence_that_is_no_probability_is_refused(setup, sure) -> None:
     episode = Episode(setup, Own(sure=sure), seed=0, map_settings=COARSE)
     with pytest.raises(ValueError, match=r"Own\.confidence returned .*; it must be a number from 0 to 1"):

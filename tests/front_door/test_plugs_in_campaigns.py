@@ -276,7 +276,7 @@ def test_a_planner_without_a_belief_is_as_confident_in_a_campaign_as_in_an_episo
 
 
 def test_a_planner_that_ends_the_program_makes_no_run_that_is_done(user, capsys) -> None:
-    body = "import sys\nimport sounding\n\nclass Quits(sounding.Planner):\n    def rank(self, situation):\n"
+    body = "import sys\nimport sounding\n\nclass Quits(sounding.Planner):\n    needs_belief = False\n\n    def rank(self, situation):\n"
     (user / "quitting.py").write_text(f"{body}        sys.exit('enough')\n")
     words = [
         "episode",

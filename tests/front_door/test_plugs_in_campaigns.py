@@ -58,6 +58,16 @@ episode.sensor = "broken:Falls"
 [[part]]
 axes.map = ["broken:Overflows", "broken:Vague"]
 """
+QUITTING = """
+import sys
+import sounding
+
+class Quits(sounding.Planner):
+    needs_belief = False
+
+    def rank(self, situation):
+        sys.exit("enough")
+"""
 ERRORS = {
     "gone:Gone": "PlugError: `planner` 'gone:Gone': there is no module gone, neither installed nor in the current",
     "broken:Refuses": "PlugError: `planner` 'broken:Refuses' raised RuntimeError: no licence (broken.py, line 13)",
@@ -276,18 +286,8 @@ def test_a_planner_without_a_belief_is_as_confident_in_a_campaign_as_in_an_episo
 
 
 def test_a_planner_that_ends_the_program_makes_no_run_that_is_done(user, capsys) -> None:
-    body = "import sys\nimport sounding\n\nclass Quits(sounding.Planner):\n    needs_belief = False\n\n    def rank(self, situation):\n"
-    (user / "quitting.py").write_text(f"{body}        sys.exit('enough')\n")
-    words = [
-        "episode",
-        "--scenario",
-        "spheres",
-        "--planner",
-        "quitting:Quits",
-        "--arm",
-        "none",
-        "--no-report",
-    ]
-    assert main([*words, "--frames", "none", "--out", "quits"]) == 1
+    (user / "quitting.py").write_text(QUITTING)
+    words = ["episode", "--scenario", "spheres", "--planner", "quitting:Quits", "--arm", "none"]
+    assert main([*words, "--no-report", "--frames", "none", "--out", "quits"]) == 1
     assert "code that was called ended the program (exit code enough)" in capsys.readouterr().err
     assert json.loads((user / "quits" / "manifest.json").read_text())["status"] == "failed"

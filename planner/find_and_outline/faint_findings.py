@@ -24,9 +24,9 @@ _AROUND_M = 0.004
 """What a look at a faint finding has to hold: all within this distance of it [m]."""
 _ENOUGH_LOOKS = 3
 """A place that lay in this many cones is looked at no more for its own sake."""
-_MOST_FINDINGS = 8
-"""More of them at once are labels that are wrong, whatever is said of the sensor: lesions that were met once and not
-outlined yet are at most four at a time on generated livers, which have the most."""
+_MOST_IN_VAIN = 4
+"""Where more places than this were looked at so often and are still alone, labels are wrong, whatever is said of the
+sensor: a lesion has an extent, unless it is as small as the lattice is fine."""
 
 
 def faint_score(situation: Situation, lattice: FineLattice) -> NDArray[np.float64]:
@@ -34,8 +34,8 @@ def faint_score(situation: Situation, lattice: FineLattice) -> NDArray[np.float6
 
         faint = sum over faint findings f of  share of the places within 4 mm of f that lie in the pose's cone
 
-    None where labels may be wrong, or where so many are faint that they must be: there, suspects and rims are looked at
-    again.
+    None where labels may be wrong, or where looks have been in vain so often that they must be: there, suspects and
+    rims are looked at again.
 
     Args:
         situation: What is known so far.
@@ -68,5 +68,5 @@ def _faint_places_m(situation: Situation) -> NDArray[np.float64]:
     if not len(alone_m):
         return alone_m
     looks = visibility(situation.workspace.part(situation.sensed), situation.cone, alone_m).sum(axis=1)
-    faint_m = alone_m[looks < _ENOUGH_LOOKS]
-    return faint_m if len(faint_m) <= _MOST_FINDINGS else faint_m[:0]
+    is_settled = looks >= _ENOUGH_LOOKS
+    return alone_m[:0] if is_settled.sum() > _MOST_IN_VAIN else alone_m[~is_settled]

@@ -11,6 +11,7 @@ from scipy.special import logit
 from planner import FindAndOutline, PlannerError
 from planner.find_and_outline.faint_findings import faint_score
 from planner.find_and_outline.fine_lattice import fine_lattice
+from planner.visibility import visibility
 from tests.helpers.planner_situations import box_points, flat_workspace, make_situation
 
 POINTS_M = box_points()
@@ -73,16 +74,22 @@ def test_two_faint_findings_count_both() -> None:
     assert (both >= one - 1e-9).all()
 
 
-def test_so_many_at_once_are_labels_that_are_wrong_and_draw_no_look() -> None:
-    apart_m = np.random.default_rng(0).permutation(POINTS_M[:: len(POINTS_M) // 200])
-    chosen: list[np.ndarray] = []
-    for place_m in apart_m:
-        if all(np.linalg.norm(place_m - other) > 0.02 for other in chosen):
-            chosen.append(place_m)
-    lone = [nearest_point(tuple(each)) for each in chosen[:9]]
-    assert len(lone) == 9
-    assert faint_of(called_at(*lone[:8])).any()
-    assert not faint_of(called_at(*lone)).any()
+def test_looks_that_were_in_vain_so_often_tell_that_labels_are_wrong() -> None:
+    step_m = np.diff(np.unique(POINTS_M[:, 0])).min()
+    below_m, cone = POINTS_M[MIDDLE], make_situation().cone
+    near = np.flatnonzero(np.linalg.norm(POINTS_M - below_m, axis=1) < 8.0 * step_m)
+    near = near[visibility(WORKSPACE, cone, POINTS_M[near]).sum(axis=1) >= 3]
+    lone = [MIDDLE]
+    for place in near:
+        if np.linalg.norm(POINTS_M[lone] - POINTS_M[place], axis=1).min() > 2.5 * step_m:
+            lone.append(int(place))
+    lone, other = lone[:5], nearest_point((0.05, 0.05, -0.05))
+    assert len(lone) == 5
+    looks = visibility(WORKSPACE, cone, POINTS_M[lone])
+    sensed = np.unique([np.flatnonzero(looks[place])[:3] for place in range(5)])
+    for n_vain, looks_on in ((4, True), (5, False)):
+        situation = replace(called_at(*lone[:n_vain], other), sensed=tuple(sensed.tolist()))
+        assert faint_of(situation).any() == looks_on
 
 
 def test_nothing_is_faint_where_labels_may_be_wrong_before_any_look_and_without_a_finding() -> None:

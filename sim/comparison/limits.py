@@ -117,36 +117,33 @@ def beside_limit(comparison: Comparison, case: str, limits: Limits) -> list[Besi
 
 def limit_parts(comparison: Comparison, case: str, limits: Limits) -> list[str]:
     """The Markdown about the limit of a case: a table and what it means; nothing where there is no limit."""
-    rows = beside_limit(comparison, case, limits)
-    if not rows:
+    if case not in limits:
         return []
-    return [
-        f"### {SENSINGS.label}, beside the least possible",
-        markdown_table(LIMIT_HEAD, [list(row.cells()) for row in rows]),
-        limit_note(limits[case], *_restrictions(comparison, case, rows)),
-    ]
+    rows = beside_limit(comparison, case, limits)
+    restrictions = restrictions_of(comparison, case, rows)
+    parts = [" ".join(restrictions)]
+    if rows:
+        table = markdown_table(LIMIT_HEAD, [list(row.cells()) for row in rows])
+        parts = [table, " ".join([*restrictions, limit_note(limits[case])])]
+    return [f"### {SENSINGS.label}, beside the least possible", *parts] if rows or restrictions else []
 
 
-def _restrictions(comparison: Comparison, case: str, rows: Sequence[Beside]) -> list[str]:
+def restrictions_of(comparison: Comparison, case: str, rows: Sequence[Beside]) -> list[str]:
     """What a reader of the table has to know of contenders that did not get there, or are not in it."""
-    scores = [comparison.score(case, row.contender, SENSINGS.key) for row in rows]
-    notes = []
-    if lacking := [score for score in scores if score is not None and score.n_never]:
-        notes.append(
-            f"Not every trial got there, so each counts at most {lacking[0].horizon:g} actions, on both sides."
-        )
-    named = {row.contender for row in rows}
+    notes, named = [], {row.contender for row in rows}
+    horizon = horizon_of([group for group in comparison.groups_of(case) if group.contender in named])
+    if np.isfinite(horizon):
+        notes.append(f"Not every trial got there, so each counts at most {horizon:g} actions, on both sides.")
     for group in comparison.groups_of(case):
         why = next((why for entry in group.entries if (why := not_counted(entry["settings"]))), None)
-        if why is not None and group.contender not in named:
+        if why is not None:
             notes.append(f"{group.contender} is left out: {why}")
     return notes
 
 
-def limit_note(limit: Limit, *more: str) -> str:
-    """What the columns of the limit mean, of what the bound is proven, and what else there is to say."""
-    text = " ".join(more) + " " * bool(more)
-    text += "In hindsight: the fewest poses that are enough for whoever knows the truth, on the seeds that both have."
+def limit_note(limit: Limit) -> str:
+    """What the columns of the limit mean, and of what the bound is proven."""
+    text = "In hindsight: the fewest poses that are enough for whoever knows the truth, on the seeds that both have."
     if limit.policy is None:
         return text
     sure = limit.policy.least_mean(is_apart=True, confidence=CONFIDENCE)

@@ -17,7 +17,7 @@ from sim.report.page import REPORT, environment
 from .comparison import SENSINGS, Comparison, Measure, Pairing, Score
 from .estimates import reached_shares, spread_of
 from .lesions.page import lesion_part
-from .limits import Limits, beside_limit, limit_note
+from .limits import Limits, beside_limit, limit_note, restrictions_of
 from .series_charts import N_COLOURS, Series, legend, series_chart, span_of, strip
 from .side_by_side import link, run_folder, seed_pictures, seed_rows
 from .tables import failures, horizon_note, pair_cells, score_cells
@@ -195,7 +195,10 @@ def _pair_row(pairing: Pairing, span: tuple[float, float]) -> dict[str, Any]:
 
 def _limit(comparison: Comparison, case: str, limits: Limits) -> dict[str, Any] | None:
     rows = beside_limit(comparison, case, limits)
-    return {"rows": [row.cells() for row in rows], "note": limit_note(limits[case])} if rows else None
+    if not rows:
+        return None
+    note = " ".join([*restrictions_of(comparison, case, rows), limit_note(limits[case])])
+    return {"rows": [row.cells() for row in rows], "note": note}
 
 
 def _runs(group: TrialGroup, folder: Path, campaigns: Sequence[Path]) -> dict[str, Any] | None:

@@ -103,6 +103,12 @@ def test_contenders_whose_actions_a_bound_does_not_count_are_left_out_and_named(
     assert sum(line.startswith("| greedy-coverage") for line in table.split("\n\n")[1].splitlines()) == 0
 
 
+def test_where_all_contenders_are_left_out_the_comparison_says_why(tmp_path):
+    entries = [entry(seed, "random", needed=4, sense="sweep") for seed in range(3)]
+    text = compare((write(tmp_path / "c", entries),), bound=[bound_folder(tmp_path / "bound")]).text
+    assert "random is left out: a bound counts actions that hold one cone each" in text
+
+
 def test_without_a_bound_nothing_is_said_of_a_limit(campaign):
     summary = compare((campaign,))
     assert "least possible" not in summary.text

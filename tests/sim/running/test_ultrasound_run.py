@@ -156,7 +156,7 @@ def test_image_draws_what_the_reader_sees(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--pose", "1000000"], "--pose 1e+06: must be a whole number from 0 to"),
+        (["--pose", "1000000"], "--pose 1000000: must be a whole number from 0 to"),
         (["--pose", "1", "2"], "--pose 1.0 2.0: give the number of a pose, or a place as x y z."),
         (["--rock-deg", "90"], "--rock-deg 90.0: must be between -90 and 90 degrees."),
         (["--out", "picture.jpg"], "--out picture.jpg: must end with .png."),

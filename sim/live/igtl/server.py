@@ -21,6 +21,8 @@ LOOPBACK = "127.0.0.1"
 MOST_CLIENTS = 16
 POLL_S = 0.2
 """How often a thread that waits looks whether it should end [s]."""
+LAST_S = 1.0
+"""How long clients are waited for at the end that have not been sent everything yet [s]."""
 
 
 class _Client:
@@ -32,19 +34,27 @@ class _Client:
         self.connection, self._patience_s = connection, patience_s
         self._pending: dict[str, bytes] = {}
         self._changed = threading.Condition()
+        self._is_sending = False
         self.is_gone = False
 
     def put(self, device: str, message: bytes) -> None:
         """Have a message sent in place of one of the same device that was not sent yet."""
         with self._changed:
             self._pending[device] = message
-            self._changed.notify()
+            self._changed.notify_all()
+
+    def drain(self, until_s: float) -> None:
+        """Wait until all that was put is sent, the client is gone, or the monotonic clock has come to a time [s]."""
+        with self._changed:
+            while (self._pending or self._is_sending) and not self.is_gone:
+                if not self._changed.wait(max(until_s - monotonic(), 0.0)):
+                    return
 
     def leave(self) -> None:
         """Close the connection."""
         with self._changed:
             self.is_gone = True
-            self._changed.notify()
+            self._changed.notify_all()
         with suppress(OSError):
             self.connection.shutdown(socket.SHUT_RDWR)
 
@@ -57,13 +67,16 @@ class _Client:
                 if self.is_gone:
                     return
                 device = next(iter(self._pending))
-                message = self._pending.pop(device)
+                message, self._is_sending = self._pending.pop(device), True
             try:
                 self._send(message)
             except OSError:
                 self.leave()
                 return
             sent[device] += 1
+            with self._changed:
+                self._is_sending = False
+                self._changed.notify_all()
 
     def _send(self, message: bytes) -> None:
         view, last_s = memoryview(message), monotonic()
@@ -133,7 +146,12 @@ class IgtlServer(Closeable):
                 client.put(device, message)
 
     def close(self) -> None:
-        """Leave all clients, and listen no more."""
+        """Leave all clients, once they have been sent what was published, and listen no more."""
+        with self._lock:
+            clients = list(self._clients)
+        until_s = monotonic() + LAST_S
+        for client in clients:
+            client.drain(until_s)
         self._is_closed.set()
         with self._lock:
             for client in self._clients:

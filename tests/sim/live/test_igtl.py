@@ -2,12 +2,14 @@
 
 import json
 import struct
+import time
 
 import numpy as np
 import plain_igtl
 import pytest
 from igtl_service import Served, igtl_string, proposed_ras_mm, sensed_sphere
 
+from sim.live.igtl.server import IgtlServer
 from sim.live.patient_frame import PatientFrame
 
 pyigtl = pytest.importorskip("pyigtl")
@@ -136,6 +138,21 @@ def test_a_client_that_never_reads_holds_up_nobody(served):
     assert all(len(client._pending) <= 7 for client in served.link.server._clients)
     lazy.close()
     good.close()
+
+
+def test_what_was_published_last_reaches_clients_before_the_server_leaves():
+    server = IgtlServer(lambda message: None, lambda error: None, port=0)
+    client = plain_igtl.PlainClient(server.port)
+    deadline = time.monotonic() + 60.0
+    while server.n_clients == 0:
+        assert time.monotonic() < deadline
+    large = "x" * 60_000
+    for number in range(5):
+        server.publish(f"Text{number}", plain_igtl.packed("STRING", f"Text{number}", igtl_string(large)))
+    server.close()
+    _, body = client.wait_for("Text4")
+    assert len(body) > len(large)
+    client.close()
 
 
 def test_clients_come_and_go(served):

@@ -133,14 +133,14 @@ def report_floor(setup: Setup, readings: Sequence[LabelledPoints], rank: int, n_
     """
     features = HingeFeatures.build(setup.hinges, MapSettings().gamma_per_m2, setup.hinge_mask)
     sizes = np.median([sizes_of(features, each.points_m) for each in readings[10:]], axis=0)
-    n, r, h, n_telling = map(int, sizes)
+    n, r, h, n_telling = map(int, sizes[:4])
     n_rounds, n_weights = MapSettings().n_em_iterations, features.n_weights
     print(
         f"A reading of {n} points has {r} pivots, whose features reach {h} of {n_weights} weights; {n_telling} "
         f"directions could say more than {LEAST_SAID:g}, and {rank} move the belief."
     )
     gflop = {
-        "C Sigma, of pivots in groups of 64": 2e-9 * r * reach_of_groups(features, readings[10:]) * n_weights,
+        "C Sigma, of pivots in groups of 64": 2e-9 * r * sizes[4] * n_weights,
         "C Sigma C^T and R, B": 2e-9 * (r * h * r + n * r * r),
         f"the fit, {n_rounds} rounds": 1e-9 * n_rounds * (2 * n * r**2 + r**3),
         "Y Z": 2e-9 * rank * (r * r + r * n_weights),
@@ -153,32 +153,21 @@ def report_floor(setup: Setup, readings: Sequence[LabelledPoints], rank: int, n_
     print(f"Products ran at {rate:.0f} GFLOP/s in single precision.")
 
 
-def sizes_of(features: HingeFeatures, points_m: NDArray[np.float64]) -> tuple[int, int, int, int]:
-    """Points, pivots, weights in reach, and directions that could tell more than `LEAST_SAID` before all readings."""
+def sizes_of(features: HingeFeatures, points_m: NDArray[np.float64]) -> tuple[float, ...]:
+    """Points, pivots, weights in reach, directions that could tell more than `LEAST_SAID`, and weights of a group.
+
+    Directions are those before all readings, and a group is of 64 pivots that lie together.
+    """
     settings = MapSettings()
-    box = features.box_around(points_m, 10.0 * settings.tolerance)
+    cutoff = 10.0 * settings.tolerance
+    box = features.box_around(points_m, cutoff)
     factors, weights = features.along_axes(points_m, box), features.weights_in(box)
-    reduced = reduce_by_pivots(
-        factors, weights >= 0, tolerance=settings.tolerance, cutoff=10.0 * settings.tolerance
-    )
+    C = reduce_by_pivots(factors, weights >= 0, tolerance=settings.tolerance, cutoff=cutoff).directions
     # A label's precision is 2 lambda, at most 1/4.
     said = 0.25 * settings.weight_variance * np.linalg.eigvalsh(feature_products(factors, factors))
-    return len(points_m), len(reduced.directions), len(reduced.hinges), int((said > LEAST_SAID).sum())
-
-
-def reach_of_groups(features: HingeFeatures, readings: Sequence[LabelledPoints]) -> float:
-    """Weights that 64 pivots that lie together have features at, the median."""
-    found, settings = [], MapSettings()
-    for each in readings:
-        box = features.box_around(each.points_m, 10.0 * settings.tolerance)
-        factors, weights = features.along_axes(each.points_m, box), features.weights_in(box)
-        C = reduce_by_pivots(
-            factors, weights >= 0, tolerance=settings.tolerance, cutoff=10.0 * settings.tolerance
-        ).directions
-        order = np.argsort(C.argmax(axis=1), kind="stable")
-        groups = np.array_split(order, max(1, len(order) // 64))
-        found.append(np.mean([np.count_nonzero(C[group].any(axis=0)) for group in groups]))
-    return float(np.median(found))
+    groups = np.array_split(np.argsort(C.argmax(axis=1), kind="stable"), max(1, len(C) // 64))
+    reach = np.mean([np.count_nonzero(C[group].any(axis=0)) for group in groups])
+    return len(points_m), *C.shape, int((said > LEAST_SAID).sum()), float(reach)
 
 
 def product_rate(n: int = 1024) -> float:

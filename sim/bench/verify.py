@@ -82,8 +82,12 @@ def verify(
             n_near += sum(
                 _text(one) != _text(two) and _is_same(one, two) for one, two in zip(told, found, strict=True)
             )
-    statuses = [each["status"] for part in content["tasks"].values() for each in part["trials"]]
-    return Verdict(tuple(faults), n_trials, n_near, n_failed=len(statuses) - statuses.count("finished"))
+    return Verdict(tuple(faults), n_trials, n_near, n_failed=_n_failed(content))
+
+
+def _n_failed(content: Mapping[str, Any]) -> int:
+    trials = [each for part in content["tasks"].values() for each in part["trials"]]
+    return sum(each["status"] != "finished" for each in trials)
 
 
 def _check_key(content: Mapping[str, Any], key: bytes | None) -> None:

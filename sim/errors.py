@@ -36,6 +36,11 @@ def other_values(began: Mapping[str, Any], given: Mapping[str, Any]) -> str:
     )
 
 
+def other_input(began: Mapping[str, Any], given: Mapping[str, Any]) -> str:
+    """The first input whose content is not what it was when something was begun; empty where all are, or are new."""
+    return next((name for name, content in given.items() if began.get(name, content) != content), "")
+
+
 def _short(value: Any, n_most: int = 60) -> str:
     text = "none" if value is None else value_text(value)
     return text if len(text) <= n_most else f"{text[: n_most - 3]}..."

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from mapping.storage import replacing
-from sim.episode.scenario_file import load_scenario, scenario_record
-from sim.errors import UsageError
+from sim.errors import UsageError, other_input
 from sim.record.default_folders import is_free
 from sim.record.locked_folder import LockedFolder
 from sim.record.run_folder import describe_machine, now
-from sim.running.parts import scenario_of
+from sim.running.config_file import inputs_of
 
 from .journal import Journal
 from .study import Study
@@ -81,11 +79,10 @@ class CampaignFolder(LockedFolder):
     def _check_same(
         self, before: Mapping[str, Any], present: Mapping[str, Any], *, any_version: bool
     ) -> None:
-        for name, content in present["inputs"].items():
-            if before["inputs"].get(name, content) != content:
-                raise UsageError(
-                    f"{self.path}: was begun with another {name}. Choose another `out`, or add `overwrite`."
-                )
+        if name := other_input(before["inputs"], present["inputs"]):
+            raise UsageError(
+                f"{self.path}: was begun with another {name}. Choose another `out`, or add `overwrite`."
+            )
         for name in () if any_version else CODE:
             old, new = before["machine"][name], present["machine"][name]
             if old != new:
@@ -140,8 +137,7 @@ def can_hold(path: Path, study: Study) -> bool:
         return False
     if before is None or not (path / JOURNAL).is_file():
         return False
-    inputs = _inputs(study)
-    if any(before["inputs"].get(name, content) != content for name, content in inputs.items()):
+    if other_input(before["inputs"], _inputs(study)):
         return False
     with Journal(path / JOURNAL) as journal:
         return journal.keys() <= {trial.key for trial in study.trials()}
@@ -151,11 +147,5 @@ def _inputs(study: Study) -> dict[str, Any]:
     """What the scenarios and files of a study hold, on which the rows depend as much as on the options."""
     inputs: dict[str, Any] = {}
     for trial, _ in study.first_trials():
-        config = trial.config
-        record = scenario_record(load_scenario(config.scenario))
-        inputs[f"scenario {config.scenario}"] = json.loads(json.dumps(record))
-        files = scenario_of(config).case_files
-        for file in (config.arm, config.probe, *(() if files is None else files.paths)):
-            if Path(file).is_file():
-                inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        inputs |= inputs_of(trial.config)
     return inputs

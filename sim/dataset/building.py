@@ -15,7 +15,7 @@ from mapping import MapSettings
 from mapping.storage import replacing
 from sim.episode.scenario import Scenario
 from sim.episode.setup import Setup, build_setup
-from sim.errors import UsageError, other_values
+from sim.errors import UsageError, other_input, other_values
 from sim.pictures.png import png_bytes
 from sim.record.locked_folder import LockedFolder
 from sim.record.ownership import MANIFEST
@@ -105,12 +105,22 @@ def _begin(plan: DatasetPlan) -> None:
     marker, identity = plan.folder / MARKER, json.loads(json.dumps(plan.identity()))
     if marker.is_file():
         known = json.loads(marker.read_text(encoding="utf-8")).get("identity", {})
+        if other := other_input(known.get("inputs", {}), identity["inputs"]):
+            raise UsageError(
+                f"{plan.folder}: holds a dataset that began with another {other}. Give it as it was to go on, or "
+                "choose another `out`."
+            )
         began, given = (_as_options(each) for each in (known, identity))
         if changed := other_values(began, given):
             raise UsageError(
                 f"{plan.folder}: holds a dataset that began with other values of {changed}. Give the same to go on "
                 "with it, or choose another `out`."
             )
+    if n_more := plan.n_beyond():
+        raise UsageError(
+            f"{plan.folder}: holds {n_more} episodes beyond these {len(plan.seeds)}. More seeds may be added, and none "
+            "taken away: give more `seeds`, or choose another `out`."
+        )
     content = {"machine": describe_machine(), "identity": identity, "n_episodes": len(plan.seeds)}
     _write_text(marker, json.dumps(content, indent=2) + "\n")
 
@@ -119,7 +129,9 @@ def _as_options(identity: Mapping[str, Any]) -> dict[str, Any]:
     """What a dataset is of, by the names of the options that say so."""
     flat = {**identity, **identity.get("episodes", {})}
     return {
-        "shard" if name == "shard_size" else name: value for name, value in flat.items() if name != "episodes"
+        "shard" if name == "shard_size" else name: value
+        for name, value in flat.items()
+        if name not in ("episodes", "inputs")
     }
 
 

@@ -34,12 +34,20 @@ def file_of(folder: Path, shard: int) -> Path:
 
 
 def n_episodes(folder: Path, shard: int) -> int:
-    """How many episodes a shard holds; 0 where it was not written whole."""
+    """How many episodes a shard holds; 0 where it was not written whole, or is damaged."""
     file = file_of(folder, shard)
     if not file.is_file():
         return 0
-    with h5py().File(file) as content:
-        return len(content)
+    try:
+        with h5py().File(file) as content:
+            return len(content)
+    except OSError:
+        return 0
+
+
+def shards_in(folder: Path) -> list[int]:
+    """The numbers of the shards that lie in a folder, whole or not."""
+    return [int(file.stem.split("-")[1]) for file in folder.glob("shard-*.h5")]
 
 
 class Hdf5Shard:

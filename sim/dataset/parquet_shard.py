@@ -57,9 +57,22 @@ def files_of(folder: Path, shard: int) -> tuple[Path, Path]:
 
 
 def n_episodes(folder: Path, shard: int) -> int:
-    """How many episodes a shard holds; 0 where it was not written whole."""
-    steps, episodes = files_of(folder, shard)
-    return pyarrow().parquet.read_metadata(episodes).num_rows if steps.is_file() and episodes.is_file() else 0
+    """How many episodes a shard holds; 0 where it was not written whole, or is damaged."""
+    pa, files = pyarrow(), files_of(folder, shard)
+    if not all(file.is_file() for file in files):
+        return 0
+    try:
+        # Actions are told by their row groups, one an episode.
+        return min(
+            pa.parquet.read_metadata(files[0]).num_row_groups, pa.parquet.read_metadata(files[1]).num_rows
+        )
+    except (OSError, pa.ArrowInvalid):
+        return 0
+
+
+def shards_in(folder: Path) -> list[int]:
+    """The numbers of the shards that lie in a folder, whole or not."""
+    return [int(file.stem.split("-")[1]) for file in (folder / "episodes").glob("shard-*.parquet")]
 
 
 class ParquetShard:

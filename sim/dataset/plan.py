@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal
 
 from sim.running.config import EpisodeConfig
+from sim.running.config_file import inputs_of
 from sim.running.fields import recorded
 
 from . import hdf5_shard, parquet_shard
@@ -34,13 +36,22 @@ class DatasetPlan:
 
     def members(self, shard: int) -> range:
         """The numbers of the episodes of a shard."""
-        first = shard * self.shard_size
+        first = min(shard * self.shard_size, len(self.seeds))
         return range(first, min(first + self.shard_size, len(self.seeds)))
 
     def is_there(self, shard: int) -> bool:
         """Whether a shard was written whole, and is not one of fewer episodes that was the last before."""
-        kind = hdf5_shard if self.format == "hdf5" else parquet_shard
-        return kind.n_episodes(self.shards_folder, shard) == len(self.members(shard))
+        return self._kind.n_episodes(self.shards_folder, shard) == len(self.members(shard))
+
+    def n_beyond(self) -> int:
+        """How many episodes the folder holds that the plan does not have."""
+        folder, shards = self.shards_folder, self._kind.shards_in(self.shards_folder)
+        n_more = (self._kind.n_episodes(folder, shard) - len(self.members(shard)) for shard in shards)
+        return sum(n for n in n_more if n > 0)
+
+    @property
+    def _kind(self) -> ModuleType:
+        return hdf5_shard if self.format == "hdf5" else parquet_shard
 
     @property
     def shards_folder(self) -> Path:
@@ -55,4 +66,5 @@ class DatasetPlan:
             "format": self.format,
             "shard_size": self.shard_size,
             "episodes": values,
+            "inputs": inputs_of(self.config),
         }

@@ -17,9 +17,12 @@ FREE, TUMOUR = 1, 2
 RIGID = 1e-3
 """Largest entry of R^T R - I of a pose that came in single precision."""
 MOST_POINTS = 1000
-"""Points of an image or of a message of points that the map learns from, as many as a reading of the cone has."""
+"""Points in the organ, of an image or of a message of points, that the map learns from: a reading of the cone has as
+many."""
 MOST_LISTED = 20_000
-"""Points that a message of points may list."""
+"""Points that a message of points may list, and of an image that are looked at for whether they lie in the organ."""
+SAW_NOTHING = "The sensor saw nothing of the organ there."
+"""Why a pose is declined from which a reading has no point."""
 FARTHEST_M = 2.0
 """A tip or a point farther from the organ than this is in another frame or unit [m]."""
 
@@ -44,6 +47,23 @@ class PointsSensed:
     """Whether each is taken for tumour, shape (N,)."""
     stamp_s: float | None
     """When they were seen, in seconds since 1970; None where nobody says."""
+    log_odds: NDArray[np.float64] | None = None
+    """How far each label can be believed, as of a `Reading`, shape (N,); None where nobody says."""
+    weight: NDArray[np.float64] | None = None
+    """For how many labels each counts, as of a `Reading`, shape (N,); None where nobody says."""
+    most: int | None = None
+    """How many of the points in the organ are learnt at most, drawn evenly; None for all."""
+
+    @classmethod
+    def of_reading(cls, reading: Reading, stamp_s: float | None) -> PointsSensed:
+        """What a sensor of ours read."""
+        return cls(
+            points_m=reading.points_m,
+            is_occupied=reading.is_occupied,
+            stamp_s=stamp_s,
+            log_odds=reading.log_odds,
+            weight=reading.weight,
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -85,27 +105,38 @@ def check_report(report: Report, organ: PlannedOrgan) -> None:
 
 
 def reading_of(report: PointsSensed, T_world_probe: NDArray[np.float64], organ: PlannedOrgan) -> Reading:
-    """The reading of labelled points: those that lie in the organ.
+    """The reading of labelled points: those that lie in the organ, thinned evenly where they are too many.
 
     Args:
         report: The points.
         T_world_probe: Where the tip was, shape (4, 4) [m].
         organ: The organ.
     """
-    is_in_organ = organ.organ.contains(report.points_m)
-    return Reading(report.points_m[is_in_organ], report.is_occupied[is_in_organ], T_world_probe)
+    kept = np.flatnonzero(organ.organ.contains(report.points_m))
+    kept = kept if report.most is None else kept[thinned(len(kept), report.most)]
+    return Reading(
+        report.points_m[kept],
+        report.is_occupied[kept],
+        T_world_probe,
+        log_odds=None if report.log_odds is None else report.log_odds[kept],
+        weight=None if report.weight is None else report.weight[kept],
+    )
 
 
 def points_of_image(
-    labels: NDArray[np.integer], T_world_index: NDArray[np.float64], *, most: int, stamp_s: float | None
+    labels: NDArray[np.integer],
+    T_world_index: NDArray[np.float64],
+    *,
+    stamp_s: float | None,
+    most: int = MOST_LISTED,
 ) -> PointsSensed:
-    """The points of a labelled image, thinned evenly where there are more than a map should learn from at once.
+    """The points of a labelled image, thinned evenly where there are more than can be looked at.
 
     Args:
         labels: 0 not seen, 1 free, 2 tumour, shape (I, J, K).
         T_world_index: Maps indices to the world [m], shape (4, 4).
-        most: Points to keep at most, at least 1.
         stamp_s: When the image was taken.
+        most: Points to keep at most, at least 1.
 
     Raises:
         RefusedError: A label has another value.
@@ -117,7 +148,7 @@ def points_of_image(
     places = places[thinned(len(places), most)]
     seen, values = np.column_stack(np.unravel_index(places, labels.shape)), labels.ravel()[places]
     points_m = seen @ T_world_index[:3, :3].T + T_world_index[:3, 3]
-    return PointsSensed(points_m=points_m, is_occupied=values == TUMOUR, stamp_s=stamp_s)
+    return PointsSensed(points_m=points_m, is_occupied=values == TUMOUR, stamp_s=stamp_s, most=MOST_POINTS)
 
 
 def thinned(n: int, most: int) -> NDArray[np.intp]:

@@ -19,8 +19,8 @@ from .snapshot import Snapshot
 
 MOST_WAITING = 32
 """Reports that may wait while the map learns; more are refused."""
-MOST_TIPS = 512
-"""Poses of the tip that are remembered, to find the one at which a reading was taken."""
+MOST_TIPS = 20_000
+"""Poses of the tip that are remembered at most, to find the one at which a reading was taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ class Service:
         self.refused: Counter[str] = Counter()
         self._note = ""
         self._newest: dict[type, float] = {}
-        self._tips: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=MOST_TIPS)
+        self._tips: deque[tuple[float, NDArray[np.float64]]] = deque()
 
     def submit(self, report: Report) -> None:
         """Have a report worked off, at once if it only moves the tip; what is refused is counted.
@@ -96,7 +96,7 @@ class Service:
             if report.stamp_s is not None:
                 self._newest[type(report)] = stamp_s
             if isinstance(report, TipMoved):
-                self._tips.append((stamp_s, report.T_world_probe))
+                self._remember(stamp_s, report.T_world_probe)
                 return
             # The tip as it was then: it may move on before the report is worked off.
             T = self._tip_at(stamp_s) if isinstance(report, PointsSensed) else None
@@ -154,6 +154,19 @@ class Service:
             self.session.decline(report.pose_index, report.reason)
         elif isinstance(report, PointsSensed) and T_world_probe is not None:
             self.session.observe(reading_of(report, T_world_probe, self.session.organ))
+
+    def _remember(self, stamp_s: float, T_world_probe: NDArray[np.float64]) -> None:
+        """Remember where the tip was, for as long as a reading may be of then.
+
+        A reading is at most `stale_s` old, and its tip at most that much older. Tips that come thicker than memory
+        holds for so long leave out those between.
+        """
+        tips, span_s = self._tips, 2.0 * self._settings.stale_s
+        if len(tips) > 1 and 0.0 <= stamp_s - tips[-2][0] < span_s / MOST_TIPS:
+            tips.pop()
+        tips.append((stamp_s, T_world_probe))
+        while len(tips) > MOST_TIPS or tips[0][0] < stamp_s - span_s:
+            tips.popleft()
 
     def _tip_at(self, stamp_s: float) -> NDArray[np.float64]:
         """Where the tip was when something was sensed, shape (4, 4) [m].

@@ -97,6 +97,8 @@ class Session:
         self.readings: list[LabelledPoints] = []
         self.sensed: list[int] = []
         self.declined: dict[int, str] = {}
+        self.poses: list[int] = []
+        """The poses of all that was kept, sensed or declined, in order."""
         self.prediction: Prediction = self._predicted()
         self._proposal: Proposal | None = None
         self._folder, self.n_kept = folder, 0
@@ -149,7 +151,7 @@ class Session:
             OSError: It was learnt and could not be kept. Make a new session from the folder.
         """
         pose = self._pose_of(reading)
-        self._keep(Event.of_reading(len(self.sensed) + len(self.declined) + 1, pose, reading, self._rng))
+        self._keep(Event.of_reading(len(self.poses) + 1, pose, reading, self._rng))
         return pose
 
     def decline(self, pose: int, reason: str = "") -> None:
@@ -168,7 +170,7 @@ class Session:
             )
         if pose in self.declined:
             raise RefusedError("unusable", f"pose {pose}: was declined before")
-        self._keep(Event.of_refusal(len(self.sensed) + len(self.declined) + 1, pose, reason, self._rng))
+        self._keep(Event.of_refusal(len(self.poses) + 1, pose, reason, self._rng))
 
     def situation(self) -> Situation:
         """What the planner may know now."""
@@ -187,6 +189,7 @@ class Session:
             skipped=frozenset(self.declined),
             motion_s=partial(self._transfer_s, self.sensed[-1]) if self.sensed else None,
             miss_cost=self._miss_cost,
+            until_confident=self._until_confident,
             sensing_s=self._speeds.sensing_s,
             draw_map=draws_of(self.tumour_map),
             rng=self._rng,
@@ -228,6 +231,7 @@ class Session:
 
     def _take(self, event: Event) -> None:
         self._proposal = None
+        self.poses.append(event.pose_index)
         if event.reading is None:
             self.declined[event.pose_index] = event.reason
             return

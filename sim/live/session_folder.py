@@ -8,8 +8,9 @@ import os
 import zipfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from mapping import Prediction
 from sim.episode.planned.planned_organ import PlannedOrgan
-from sim.errors import UsageError, other_values
+from sim.errors import UsageError, other_input, other_values
 from sim.record.locked_folder import LockedFolder
 from sim.record.ownership import MANIFEST
 from sim.record.run_folder import describe_machine
@@ -39,7 +40,8 @@ class SessionFolder(LockedFolder):
 
         Args:
             path: The folder.
-            identity: Plain data that decides what the session proposes; a folder goes on only with the same.
+            identity: Plain data that decides what the session proposes; a folder goes on only with the same. What its
+                `inputs` hold, the contents of files by their names, is compared one by one.
 
         Raises:
             UsageError: The folder holds something else or a session of another identity, another process writes there,
@@ -52,9 +54,21 @@ class SessionFolder(LockedFolder):
             self.close()
             raise
 
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it; a session that failed before anything was kept leaves no folder of it."""
+        if self._is_new and isinstance(error, Exception):
+            with suppress(OSError):
+                # Fails, and leaves all as it is, where there is an event.
+                (self.path / EVENTS).rmdir()
+                (self.path / MARKER).unlink()
+        super().__exit__(kind, error, trace)
+
     def _begin(self, identity: Any) -> None:
         marker = self.path / MARKER
-        if not marker.is_file():
+        self._is_new = not marker.is_file()
+        if self._is_new:
             if (self.path / MANIFEST).exists():
                 raise UsageError(f"{self.path}: holds a run and no session. Choose another `out`.")
             (self.path / EVENTS).mkdir(exist_ok=True)
@@ -62,9 +76,15 @@ class SessionFolder(LockedFolder):
             _write(marker, (json.dumps(content, indent=2) + "\n").encode())
             return
         try:
-            known = json.loads(marker.read_text(encoding="utf-8"))["identity"]
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            known = dict(json.loads(marker.read_text(encoding="utf-8"))["identity"])
+            other = other_input(known.pop("inputs", {}), identity.pop("inputs", {}))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise UsageError(f"{marker}: cannot be read ({error}). Choose another `out`.") from error
+        if other:
+            raise UsageError(
+                f"{self.path}: holds a session that began with another {other}, so that its poses would be others. "
+                "Give it as it was to go on, or choose another `out`."
+            )
         if changed := other_values(known, identity):
             raise UsageError(
                 f"{self.path}: holds a session that began with other values of {changed}. Give the same "

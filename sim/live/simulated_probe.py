@@ -15,8 +15,10 @@ from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.reading import Reading
 from sim.world.sensing.sensor import SceneState, Sensor
 
-from .reports import PointsSensed, TipMoved
+from .errors import RefusedError
+from .reports import SAW_NOTHING, PointsSensed, PoseDeclined, TipMoved
 from .service import Service
+from .snapshot import Snapshot
 
 TRUTH_STREAM, SENSOR_STREAM = 0, 1
 """Which of the streams that an episode spawns from its seed are the truth's and the sensor's."""
@@ -73,15 +75,20 @@ class SimulatedProbe:
             settings: How fast it moves, and how long it senses.
         """
         T_now: NDArray[np.float64] | None = None
-        n_done = -1
+        answered: Snapshot | None = None
         while not stop.is_set():
             seen = service.published
-            if seen is None or seen.n_sensed == n_done or seen.proposal is None:
+            if seen is None or seen is answered or seen.proposal is None:
                 stop.wait(0.005)
                 continue
-            n_done, T_next = seen.n_sensed, seen.proposal.T_world_probe
-            if T_next is None or seen.proposal.advice != "sense":
+            T_next, (_, pose) = seen.proposal.T_world_probe, seen.wanted
+            if T_next is None or pose is None:
                 return
+            is_refused = answered is not None and seen.wanted == answered.wanted
+            answered = seen
+            if is_refused:
+                service.submit(PoseDeclined(pose_index=pose, reason=seen.note, stamp_s=None))
+                continue
             for T in _way(T_now, T_next, settings, rate_hz=rate_hz, speed=speed):
                 service.submit(TipMoved(T_world_probe=T, stamp_s=time()))
                 if speed > 0.0 and stop.wait(1.0 / rate_hz):
@@ -89,11 +96,22 @@ class SimulatedProbe:
             T_now, reading = T_next, self.sense(T_next)
             if speed > 0.0 and stop.wait(settings.sensing_s / speed):
                 return
-            now_s = time()
-            service.submit(TipMoved(T_world_probe=T_next, stamp_s=now_s))
-            service.submit(
-                PointsSensed(points_m=reading.points_m, is_occupied=reading.is_occupied, stamp_s=now_s)
-            )
+            # Without stamps: these are of now, and no clock of the outside makes them old.
+            service.submit(TipMoved(T_world_probe=T_next, stamp_s=None))
+            _report(service, reading, pose)
+
+
+def _report(service: Service, reading: Reading, pose: int) -> None:
+    """Report a reading, or that a pose has none that can be used."""
+    reason = SAW_NOTHING
+    if len(reading.points_m):
+        try:
+            service.take(PointsSensed.of_reading(reading, stamp_s=None))
+            return
+        except RefusedError as error:
+            service.refuse(error)
+            reason = str(error)
+    service.submit(PoseDeclined(pose_index=pose, reason=reason, stamp_s=None))
 
 
 def _way(

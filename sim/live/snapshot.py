@@ -34,6 +34,17 @@ class Snapshot:
     note: str = ""
     """What was last refused, as a sentence."""
 
+    @property
+    def wanted(self) -> tuple[int, int | None]:
+        """How many actions there are, and from which pose the next is proposed; None where it is advised to end.
+
+        A reading that was refused leads to a snapshot that wants the same as the one before.
+        """
+        proposal = self.proposal
+        if proposal is None or proposal.advice != "sense":
+            return self.n_sensed, None
+        return self.n_sensed, proposal.pose_index
+
     def proposing(self, T_world_probe: NDArray[np.float64]) -> Snapshot:
         """The same with another pose proposed, shape (4, 4) [m], of which no more is known yet."""
         if self.proposal is None:

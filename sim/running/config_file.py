@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import inspect
 import json
 import sys
@@ -13,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from sim.episode.scenario import SCENARIOS
-from sim.episode.scenario_file import scenario_record
+from sim.episode.scenario_file import load_scenario, scenario_record
 from sim.episode.setup import Setup
 
 from .config import EpisodeConfig
 from .fields import OPTIONS_OF, recorded
-from .parts import EpisodeParts
+from .parts import EpisodeParts, scenario_of
 
 
 def run_config(
@@ -55,6 +56,21 @@ def recorded_config(config: EpisodeConfig, brought: Mapping[str, Any] | None = N
         if name in OPTIONS_OF:
             values[OPTIONS_OF[name]] = option_words(thing)
     return values
+
+
+def inputs_of(config: EpisodeConfig) -> dict[str, Any]:
+    """What the scenario and the files of a configuration hold, on which a run depends as much as on its options.
+
+    Returns:
+        The scenario as plain data, and the SHA-256 of each file, by names such as `scenario liver` and `file FILE`.
+    """
+    record = scenario_record(load_scenario(config.scenario))
+    inputs: dict[str, Any] = {f"scenario {config.scenario}": json.loads(json.dumps(record))}
+    files = scenario_of(config).case_files
+    for file in (config.arm, config.probe, *(() if files is None else files.paths)):
+        if Path(file).is_file():
+            inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return inputs
 
 
 def option_words(thing: Any) -> list[str]:

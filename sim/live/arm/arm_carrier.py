@@ -15,7 +15,7 @@ from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.reading import Reading
 
 from ..errors import RefusedError
-from ..reports import PointsSensed, PoseDeclined, Report, TipMoved
+from ..reports import SAW_NOTHING, PointsSensed, PoseDeclined, Report, TipMoved
 from ..service import Service
 from ..snapshot import Snapshot
 from .controller import ArmController
@@ -89,7 +89,7 @@ class ArmCarrier:
         """Do what the newest snapshot asks for, or see where the arm stands; and say what the service did not take."""
         newest = service.published
         # A reading that was refused leads to a snapshot too, and to no way.
-        wanted = None if newest is None else _wanted(newest)
+        wanted = None if newest is None else newest.wanted
         if newest is not None and wanted != self._answered:
             self._answered, self._at, self._owed = wanted, None, None
             self._owed = self._answer(newest)
@@ -104,7 +104,7 @@ class ArmCarrier:
 
     def _answer(self, seen: Snapshot) -> PoseDeclined | PointsSensed | None:
         """Go to the pose of a snapshot, and sense there where that is simulated; what there is to report of it."""
-        pose = _wanted(seen)[1]
+        _, pose = seen.wanted
         if pose is None:
             return None
         answer = self._positioner.reach(pose)
@@ -121,8 +121,8 @@ class ArmCarrier:
             return _declined(pose, strayed)
         reading = self._sense(seen.n_sensed)
         if not len(reading.points_m):
-            return _declined(pose, "The sensor saw nothing of the organ there.")
-        return PointsSensed(points_m=reading.points_m, is_occupied=reading.is_occupied, stamp_s=None)
+            return _declined(pose, SAW_NOTHING)
+        return PointsSensed.of_reading(reading, stamp_s=None)
 
     def _look(self) -> str:
         """See where the arm stands, tell it, and say how it strayed; empty where it did not."""
@@ -163,11 +163,3 @@ def _is_taken(service: Service, report: Report) -> bool:
         service.refuse(error)
         return False
     return True
-
-
-def _wanted(seen: Snapshot) -> tuple[int, int | None]:
-    """Which action a snapshot proposes, and from which pose; None where it advises to end."""
-    proposal = seen.proposal
-    if proposal is None or proposal.advice != "sense":
-        return seen.n_sensed, None
-    return seen.n_sensed, proposal.pose_index

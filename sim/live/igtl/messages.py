@@ -24,7 +24,6 @@ from ..reports import (
     Report,
     TipMoved,
     points_of_image,
-    thinned,
 )
 from ..snapshot import Snapshot
 from .wire import RawMessage, igtl
@@ -191,9 +190,7 @@ def _image(message: Any, raw: RawMessage, frame: PatientFrame) -> PointsSensed:
     T_ras_index = (
         T_index if message.world_coordinate_system == "ras" else np.diag([-1.0, -1.0, 1.0, 1.0]) @ T_index
     )
-    return points_of_image(
-        np.transpose(image), frame.grid_world_m(T_ras_index), most=MOST_POINTS, stamp_s=raw.stamp_s
-    )
+    return points_of_image(np.transpose(image), frame.grid_world_m(T_ras_index), stamp_s=raw.stamp_s)
 
 
 def _points(message: Any, raw: RawMessage, frame: PatientFrame) -> PointsSensed:
@@ -202,8 +199,7 @@ def _points(message: Any, raw: RawMessage, frame: PatientFrame) -> PointsSensed:
         raise RefusedError("malformed", f"a point is of the group {unknown[0]!r}; groups are tumour and free")
     points_m = frame.points_world_m(np.array(message.positions, dtype=np.float64).reshape(-1, 3))
     is_occupied = np.array([_GROUPS[group] for group in groups], dtype=np.bool_)
-    chosen = thinned(len(points_m), MOST_POINTS)
-    return PointsSensed(points_m=points_m[chosen], is_occupied=is_occupied[chosen], stamp_s=raw.stamp_s)
+    return PointsSensed(points_m=points_m, is_occupied=is_occupied, stamp_s=raw.stamp_s, most=MOST_POINTS)
 
 
 def _declined(message: Any, raw: RawMessage, frame: PatientFrame) -> PoseDeclined:

@@ -15,7 +15,7 @@ from sim.colours import MAP, ORGAN, rgba
 
 from ..errors import RefusedError
 from ..mapped_tumour import tumour_surface
-from ..reports import FREE, MOST_LISTED, MOST_POINTS, TUMOUR, PointsSensed, TipMoved, thinned
+from ..reports import FREE, MOST_LISTED, MOST_POINTS, TUMOUR, PointsSensed, TipMoved
 from ..snapshot import Snapshot
 
 WORLD = "world"
@@ -174,8 +174,9 @@ def points_of(message: Any) -> PointsSensed:
     if not np.isin(labels, (0, FREE, TUMOUR)).all():
         raise RefusedError("malformed", f"labels are 0 not seen, {FREE} free, {TUMOUR} tumour")
     seen = np.flatnonzero(labels)
-    seen = seen[thinned(len(seen), MOST_POINTS)]
-    return PointsSensed(points_m=points_m[seen], is_occupied=labels[seen] == TUMOUR, stamp_s=stamp_s)
+    return PointsSensed(
+        points_m=points_m[seen], is_occupied=labels[seen] == TUMOUR, stamp_s=stamp_s, most=MOST_POINTS
+    )
 
 
 def _rows_of(message: Any) -> NDArray[Any]:

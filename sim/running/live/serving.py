@@ -25,6 +25,7 @@ from sim.live.session import Session
 from sim.live.session_folder import SessionFolder
 from sim.live.snapshot import Snapshot
 from sim.running.config import EpisodeConfig
+from sim.running.config_file import inputs_of
 from sim.running.fields import recorded
 from sim.running.parts import EpisodeParts, make_parts
 
@@ -104,9 +105,14 @@ def session_of(parts: EpisodeParts, organ: PlannedOrgan, folder: SessionFolder |
     )
 
 
-def identity_of(config: EpisodeConfig) -> dict[str, Any]:
-    """What decides the proposals of a session, as plain data."""
-    return {name: value for name, value in recorded(config).items() if name not in NOT_OF_A_SESSION}
+def identity_of(config: EpisodeConfig, *, simulates: bool) -> dict[str, Any]:
+    """What decides the proposals of a session, as plain data; simulated readings and real ones do not mix.
+
+    Raises:
+        UsageError: There is no such scenario, or a value is out of range.
+    """
+    told = {name: value for name, value in recorded(config).items() if name not in NOT_OF_A_SESSION}
+    return {**told, "simulate": simulates, "inputs": inputs_of(config)}
 
 
 def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) -> int:
@@ -129,7 +135,9 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
             controller = stack.enter_context(TcpController(*serving.controller))
         setup = _setup_of(parts) if serving.simulates or controller else None
         organ = setup or plan_organ(parts.scenario, parts.map_settings)
-        folder = stack.enter_context(SessionFolder(serving.folder, identity_of(config)))
+        folder = stack.enter_context(
+            SessionFolder(serving.folder, identity_of(config, simulates=serving.simulates))
+        )
         session = session_of(parts, organ, folder)
         if session.n_kept:
             tell(f"going on after {len(session.sensed)} actions in {serving.folder}")
@@ -148,7 +156,7 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
             stack.callback(carry(carrier, service, stop, serving.link.rate_hz))
         stack.callback(stop.set)
         if setup is not None and carrier is None:
-            _fly(parts, setup, service, stop, serving, n_before=len(session.readings))
+            _fly(parts, setup, service, stop, serving)
         service.run(stop)
         if carrier is not None and carrier.error is not None:
             raise carrier.error
@@ -190,19 +198,13 @@ def _setup_of(parts: EpisodeParts) -> Setup:
 
 
 def _fly(
-    parts: EpisodeParts,
-    setup: Setup,
-    service: Service,
-    stop: threading.Event,
-    serving: Serving,
-    *,
-    n_before: int,
+    parts: EpisodeParts, setup: Setup, service: Service, stop: threading.Event, serving: Serving
 ) -> None:
     """Have a simulated probe fly in a thread of its own."""
     from sim.live.simulated_probe import SimulatedProbe
 
     probe = SimulatedProbe(setup, parts.sensor, seed=parts.seed)
-    for pose in service.session.sensed[:n_before]:
+    for pose in service.session.poses:
         probe.sense(service.session.pose_matrix(pose))  # the sensor's stream goes on where it was
     options = {"rate_hz": serving.link.rate_hz, "speed": serving.speed, "settings": parts.motion_settings}
     threading.Thread(target=probe.serve, args=(service, stop), kwargs=options, daemon=True).start()

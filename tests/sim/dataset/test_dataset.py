@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -156,6 +157,42 @@ def same(rows, others):
 
 
 @pytest.mark.slow
+def copy_of(dataset, folder):
+    shutil.copytree(dataset, folder)
+    return folder
+
+
+def test_episodes_that_are_there_are_never_taken_away(parquet, config, tmp_path):
+    folder = copy_of(parquet, tmp_path / "fewer")
+    for seeds in (range(3, 5), range(3, 4)):
+        with pytest.raises(
+            UsageError, match=r"holds [12] episodes beyond these [12]\. More seeds may be added"
+        ):
+            build(plan_of(folder, config, seeds=seeds), n_jobs=1, tell=silent)
+    assert len(table(folder, "episodes")) == 3
+
+
+@pytest.mark.parametrize("table_name", ["steps", "episodes"])
+def test_a_damaged_shard_is_built_anew(parquet, config, tmp_path, table_name):
+    folder = copy_of(parquet, tmp_path / "damaged")
+    file = folder / table_name / "shard-00001.parquet"
+    file.write_bytes(file.read_bytes()[:-9])
+    assert build(plan_of(folder, config), n_jobs=1, tell=silent) == 1
+    assert same(table(folder, table_name), table(parquet, table_name))
+
+
+def test_it_does_not_go_on_with_another_organ_of_the_same_name(parquet, config, tmp_path):
+    folder, organ = copy_of(parquet, tmp_path / "organ"), Path(config.scenario).with_name("ball.stl")
+    content = organ.read_bytes()
+    try:
+        trimesh.creation.icosphere(subdivisions=3, radius=0.06).export(organ)
+        with pytest.raises(UsageError, match=r"began with another file .*ball\.stl"):
+            build(plan_of(folder, config), n_jobs=1, tell=silent)
+    finally:
+        organ.write_bytes(content)
+    assert build(plan_of(folder, config), n_jobs=1, tell=silent) == 0
+
+
 def test_a_kill_in_the_middle_loses_the_shard_in_hand_alone(parquet, config, tmp_path):
     folder = tmp_path / "killed"
     command = [

@@ -1,10 +1,12 @@
 """Reports: labelled images become points where their voxels lie, thinned without a pattern."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from sim.live.errors import RefusedError
-from sim.live.reports import points_of_image, thinned
+from sim.live.reports import MOST_POINTS, points_of_image, reading_of, thinned
 
 
 def test_points_of_an_image_lie_at_their_voxels_with_their_labels():
@@ -34,3 +36,12 @@ def test_a_large_image_is_thinned_evenly():
     assert abs(found.is_occupied.mean() - 0.5) < 5.0 * 0.5 / np.sqrt(1000)
     np.testing.assert_allclose(found.points_m.mean(axis=0), 29.5, atol=5.0 * 17.3 / np.sqrt(1000))
     assert thinned(5, 10).tolist() == [0, 1, 2, 3, 4]
+
+
+def test_points_are_thinned_once_it_is_known_which_of_them_lie_in_the_organ():
+    report = points_of_image(np.ones((100, 100, 100), dtype=np.uint8), np.eye(4), stamp_s=None)
+    corner = SimpleNamespace(contains=lambda points_m: (points_m < 46.0).all(axis=1))
+    reading = reading_of(report, np.eye(4), SimpleNamespace(organ=corner))
+    # A tenth of the image is in the organ, and as much is learnt of it as may be learnt of any reading.
+    assert len(reading.points_m) == MOST_POINTS
+    assert (reading.points_m < 46.0).all()

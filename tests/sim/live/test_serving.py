@@ -21,7 +21,7 @@ import trimesh
 from plain_igtl import PlainClient
 
 from sim.episode.setup import build_setup
-from sim.errors import FieldError
+from sim.errors import FieldError, UsageError
 from sim.live.igtl.link import LinkSettings
 from sim.live.service import ServiceSettings
 from sim.running.fields import config_of, recorded
@@ -29,6 +29,7 @@ from sim.running.live.serving import Serving, serve
 from sim.running.output import output_of
 from sim.running.parts import make_parts
 from sim.running.run_episode import make_episode, record_episode
+from sim.world.sensing.cone_sensor import ConeSensor
 
 pytest.importorskip("pyigtl")
 ROOT = Path(__file__).resolve().parents[3]
@@ -129,6 +130,55 @@ def test_a_simulated_probe_senses_what_an_episode_senses(scenario, tmp_path):
             np.testing.assert_allclose(event["points_m"], step.reading.points_m, atol=1e-9)
             np.testing.assert_array_equal(event["is_occupied"], step.reading.is_occupied)
     assert any("4 sensed" in line for line in told)
+
+
+class SaysHowSure:
+    """A sensor that says how far its labels can be believed, and sees nothing in its second reading."""
+
+    n_readings = 0
+
+    def sense(self, state, rng):
+        reading = ConeSensor().sense(state, rng)
+        SaysHowSure.n_readings += 1
+        if SaysHowSure.n_readings == 2:
+            return reading.part(np.zeros(len(reading.points_m), dtype=bool))
+        n = len(reading.points_m)
+        return replace(reading, log_odds=np.where(reading.is_occupied, 0.5, -0.5), weight=np.full(n, 0.25))
+
+
+def test_what_a_sensor_says_of_its_labels_is_learnt_and_a_pose_without_a_point_is_declined(
+    scenario, tmp_path
+):
+    config = config_of(
+        scenario=str(scenario), arm="none", motion="none", seed=5, sensor=f"{__name__}:SaysHowSure"
+    )
+    serving = Serving(
+        folder=tmp_path / "out", link=LinkSettings(port=0), service=ServiceSettings(), simulates=True, speed=0.0,
+        n_steps=3,
+    )  # fmt: skip
+    SaysHowSure.n_readings = 0
+    assert serve(config, serving, lambda text: None) == 3
+    events = []
+    for number in range(1, 5):
+        with np.load(tmp_path / "out" / "events" / f"{number:05d}.npz") as arrays:
+            events.append({name: arrays[name] for name in arrays.files})
+    assert ["reason" in event for event in events] == [False, True, False, False]
+    assert "saw nothing" in str(events[1]["reason"])
+    assert all(np.all(np.abs(events[i]["log_odds"]) == 0.5) for i in (0, 2, 3))
+    assert all(np.all(events[i]["weight"] == 0.25) for i in (0, 2, 3))
+    # Readings of a simulation and of a patient do not mix.
+    with pytest.raises(UsageError, match=r"other values of `simulate` \(True then, False now\)"):
+        serve(config, replace(serving, simulates=False), lambda text: None)
+
+
+def test_a_port_that_cannot_be_had_leaves_no_session(scenario, tmp_path):
+    config = config_of(scenario=str(scenario), arm="none", motion="none")
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(UsageError, match="port"):
+        link = LinkSettings(port=taken.getsockname()[1])
+        serve(
+            config, Serving(folder=tmp_path / "out", link=link, service=ServiceSettings()), lambda text: None
+        )
+    assert not (tmp_path / "out" / "session.json").exists()
 
 
 def test_a_run_is_shown_as_it_happens_and_its_record_stays_the_same(scenario, tmp_path):

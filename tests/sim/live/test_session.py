@@ -42,9 +42,10 @@ def organ():
 
 def run_of(setup, planner, *, n_steps=6, seed=3, **options):
     """The poses and readings of an episode with a free-flying probe."""
+    until_confident = options.pop("until_confident", None)
     episode = Episode(setup, planner, seed=seed, map_settings=COARSE, **options)
     steps = []
-    for step in episode.steps(n_steps):
+    for step in episode.steps(n_steps, until_confident=until_confident):
         steps.append((step.pose_index, step.reading))
         if planner.tells_confidence:
             episode.confidence()  # as the run's table does
@@ -56,6 +57,7 @@ def run_of(setup, planner, *, n_steps=6, seed=3, **options):
     [
         ("find-and-outline", {"detail": DetailSettings()}),
         ("find-and-outline", {"trust": TrustSettings(learns=True), "sensor": ErringSensor()}),
+        ("find-and-outline", {"trust": TrustSettings(), "sensor": ErringSensor(), "until_confident": 0.99}),
         ("expected-improvement", {}),
         ("thompson-sampling", {}),
         ("random", {}),
@@ -64,9 +66,9 @@ def run_of(setup, planner, *, n_steps=6, seed=3, **options):
 def test_readings_of_an_episode_lead_to_its_poses(setup, organ, name, options):
     planner = make_planner(name)
     steps, episode = run_of(setup, planner, **options)
-    session = Session(
-        organ, planner, seed=3, map_settings=COARSE, detail=options.get("detail"), trust=options.get("trust")
-    )
+    told = {field: options.get(field) for field in ("detail", "trust", "until_confident")}
+    session = Session(organ, planner, seed=3, map_settings=COARSE, **told)
+    assert session.situation().until_confident == episode.situation().until_confident
     for pose, reading in steps:
         proposal = session.propose()
         assert session.propose() is proposal
@@ -175,8 +177,22 @@ def test_a_folder_goes_on_only_with_the_same_options_and_one_process_at_a_time(t
         SessionFolder(tmp_path / "run", identity)
     with pytest.raises(UsageError, match=r"other values of `planner` \(.* then, .* now\)"):
         SessionFolder(tmp_path / "here", {"planner": "greedy-coverage", "seed": 1})
+    with pytest.raises(UsageError, match="began with another file liver"):
+        SessionFolder(tmp_path / "filed", {"inputs": {"file liver": "a"}}).close()
+        SessionFolder(tmp_path / "filed", {"inputs": {"file liver": "b"}})
     SessionFolder(tmp_path / "here", identity).close()
     assert "sounding" in json.loads((tmp_path / "here" / "session.json").read_text())["machine"]
+
+
+def test_a_session_that_fails_before_anything_was_kept_leaves_no_session(organ, tmp_path):
+    with pytest.raises(OSError, match="port"), SessionFolder(tmp_path / "none", {"seed": 1}):
+        raise OSError("port")
+    SessionFolder(tmp_path / "none", {"seed": 2}).close()
+    with pytest.raises(OSError, match="port"), SessionFolder(tmp_path / "some", {"seed": 1}) as folder:
+        Session(organ, make_planner("random"), map_settings=COARSE, folder=folder).decline(3)
+        raise OSError("port")
+    with SessionFolder(tmp_path / "some", {"seed": 1}) as folder:
+        assert len(list(folder.events())) == 1
 
 
 def test_a_broken_event_is_told_with_its_file(organ, tmp_path):

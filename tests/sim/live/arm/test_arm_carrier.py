@@ -41,7 +41,7 @@ class Taker:
 
     def __init__(self, n_refused=0):
         proposal = SimpleNamespace(advice="sense", pose_index=POSE)
-        self.published = SimpleNamespace(n_sensed=0, proposal=proposal)
+        self.published = SimpleNamespace(n_sensed=0, proposal=proposal, wanted=(0, POSE))
         self.session, self.reports, self.refused = SimpleNamespace(sensed=[]), [], []
         self._n_refused = n_refused
 

@@ -12,10 +12,9 @@ def main() -> None:
     port, n_actions = (int(sys.argv[1]) if sys.argv[1:] else 18944), 4
     client = pyigtl.OpenIGTLinkClient(port=port)
     rng, lesion_ras_mm = np.random.default_rng(0), None
-    for action in range(n_actions):
-        decision = decided(client, action)
-        proposed: Any = client.wait_for_message("SoundingProposed", timeout=60)
-        T_ras_tip = proposed.matrix  # RAS, millimetres
+    decision = decided(client, 0)  # after more actions where a session goes on
+    for _ in range(n_actions):
+        T_ras_tip = received(client, "SoundingProposed").matrix  # RAS, millimetres
         # Your arm would bring the probe there now. This one is there already, and sees a cone of points.
         depth_mm = 100.0 * rng.random(800) ** (1 / 3)
         aside = rng.uniform(-0.2, 0.2, (800, 2)) * depth_mm[:, None]
@@ -26,20 +25,27 @@ def main() -> None:
         groups = ["tumour" if each else "free" for each in is_tumour]
         client.send_message(pyigtl.TransformMessage(T_ras_tip, device_name="Tip"))
         client.send_message(pyigtl.PointMessage(seen_ras_mm, groups=groups, device_name="Points"))
-        sure = f"{decision['confidence']:.0%}"
-        print(
-            f"action {action + 1}: pose {decision['pose']}, {is_tumour.sum()} points of tumour, sure {sure}"
-        )
-    print(f"{decided(client, n_actions)['sensed']} actions are in the map")
+        pose, sure, n = decision["pose"], decision["confidence"], decision["sensed"] + 1
+        print(f"action {n}: pose {pose}, {is_tumour.sum()} points of tumour, sure {sure:.0%}")
+        decision = decided(client, n)
+    print(f"{decision['sensed']} actions are in the map")
     client.stop()
 
 
 def decided(client: pyigtl.OpenIGTLinkClient, n_sensed: int) -> dict:
-    """What the planner decided after so many actions."""
+    """What the planner decided after so many actions, or more."""
     while True:
-        message: Any = client.wait_for_message("SoundingDecision", timeout=60)
-        if (decision := json.loads(message.string))["sensed"] == n_sensed:
+        decision = json.loads(received(client, "SoundingDecision").string)
+        if decision["sensed"] >= n_sensed:
             return decision
+
+
+def received(client: pyigtl.OpenIGTLinkClient, name: str) -> Any:
+    """The next message of a name."""
+    message = client.wait_for_message(name, timeout=60)
+    if message is None:
+        raise SystemExit(f"no {name} came for a minute: is `sounding serve` listening on port {client.port}?")
+    return message
 
 
 if __name__ == "__main__":

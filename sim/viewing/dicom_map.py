@@ -23,6 +23,13 @@ from sim.world.volumes.dicom.slices import stack_of_files
 from .segment_nrrd import ORGAN_LABEL, segments_of_map
 
 NAME, MOST_SLICES = "Sounding", 5000
+DEMANDED = ("StudyInstanceUID", "FrameOfReferenceUID", "SOPInstanceUID", "SOPClassUID")
+"""What a slice must tell, so that what is made of it lies beside it."""
+MAY_BE_EMPTY = (
+    "PatientID", "PatientName", "PatientBirthDate", "PatientSex", "StudyID", "StudyDate", "StudyTime",
+    "AccessionNumber", "ReferringPhysicianName",
+)  # fmt: skip
+"""What DICOM lets be empty (type 2), and programs that take names out of series often leave out."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,6 +78,15 @@ def read_series(folder: Path) -> Series:
         raise UsageError(f"{folder}: {error}. Name the folder of a series of parallel slices.") from error
     if len(set(stack.indices.tolist())) != len(found) or stack.n_slices != len(found):
         raise UsageError(f"{folder}: slices are missing, or there are several at one place.")
+    for ds in found:
+        if missing := [name for name in DEMANDED if not ds.get(name)]:
+            raise UsageError(
+                f"{ds.filename}: lacks {', '.join(missing)}, so that no map can refer to it. Export the series anew "
+                "from where it is kept."
+            )
+        for name in MAY_BE_EMPTY:
+            if name not in ds:
+                setattr(ds, name, "")
     ordered = tuple(found[i] for i in np.argsort(stack.indices))
     shape = (int(found[0].Columns), int(found[0].Rows), len(found))
     return Series(slices=ordered, grid=ScanGrid(shape=shape, T_lps_voxel=stack.T_lps_voxel))
@@ -79,7 +95,7 @@ def read_series(folder: Path) -> Series:
 def dicom_map(
     arrays: MapArrays, organ: Solid, T_world_organ: NDArray[np.float64], series: Series, *, threshold: float
 ) -> dict[str, bytes]:
-    """The DICOM files of a map by name, with their contents; their identifiers are those of the map's values.
+    """The DICOM files of a map by name, with their contents; their identifiers follow from map and slices.
 
     Args:
         arrays: The map.
@@ -101,10 +117,16 @@ def dicom_map(
     sources = list(series.slices[part])
     stem = arrays.of.file_stem
     in_rows = [np.ascontiguousarray(each[:, :, part].transpose(2, 1, 0)) for each in (labels, probability)]
-    return {
-        f"{stem}_segmentation.dcm": _bytes(_segmentation(arrays, in_rows[0], sources)),
-        f"{stem}_probability.dcm": _bytes(_parametric_map(arrays, in_rows[1], sources)),
-    }
+    try:
+        return {
+            f"{stem}_segmentation.dcm": _bytes(_segmentation(arrays, in_rows[0], sources)),
+            f"{stem}_probability.dcm": _bytes(_parametric_map(arrays, in_rows[1], sources)),
+        }
+    except (AttributeError, TypeError, ValueError) as error:
+        # highdicom's words for a series that lacks what an object of it needs.
+        raise UsageError(
+            f"the series cannot be referred to ({type(error).__name__}: {error}). Export it anew from where it is kept."
+        ) from error
 
 
 def _segmentation(arrays: MapArrays, labels: NDArray[np.uint8], sources: list[Any]) -> Any:
@@ -139,7 +161,7 @@ def _segmentation(arrays: MapArrays, labels: NDArray[np.uint8], sources: list[An
         segmentation_type=hd.seg.SegmentationTypeValues.BINARY,
         segment_descriptions=descriptions,
         content_description=f"Map of {arrays.of.noun}"[:64],
-        **_identity(labels, "segmentation", 901),
+        **_identity(labels, sources, "segmentation", 901),
     )
 
 
@@ -162,14 +184,16 @@ def _parametric_map(arrays: MapArrays, probability: NDArray[np.uint8], sources: 
         real_world_value_mappings=[mapping],
         voi_lut_transformations=[hd.VOILUTTransformation(window_center=most / 2, window_width=most)],
         content_description=f"Map of {arrays.of.noun}"[:64],
-        **_identity(probability, "probability", 902),
+        **_identity(probability, sources, "probability", 902),
     )
 
 
-def _identity(values: NDArray[np.uint8], what: str, number: int) -> dict[str, Any]:
-    """Who made an object, and identifiers that follow from its values."""
+def _identity(values: NDArray[np.uint8], sources: list[Any], what: str, number: int) -> dict[str, Any]:
+    """Who made an object, and identifiers that follow from its values and from the slices on which they lie."""
     generate_uid = optional_module("pydicom.uid", "dicom", "DICOM").generate_uid
-    digest = hashlib.sha256(values.tobytes()).hexdigest()
+    names = ("StudyInstanceUID", "SeriesInstanceUID", "FrameOfReferenceUID", "SOPInstanceUID")
+    lies_on = "\n".join(str(each.get(name)) for each in sources for name in names)
+    digest = hashlib.sha256(f"{values.shape}\n{lies_on}\n".encode() + values.tobytes()).hexdigest()
     version = metadata.version("sounding")
     return {
         "series_instance_uid": generate_uid(entropy_srcs=[what, "series", digest]),

@@ -188,7 +188,7 @@ def _read(path: Path) -> Grid:
 
 
 def _unreadable(path: Path, error: BaseException) -> VolumeError:
-    kind = KINDS.get(path.suffix.lower(), "NIfTI")
+    kind = "DICOM" if is_dicom(path) else KINDS.get(path.suffix.lower(), "NIfTI")
     reason = (str(error).splitlines() or [""])[0][:160].rstrip(".")
     if isinstance(error, EOFError | zlib.error) or "Expected" in reason or "mmap length" in reason:
         return VolumeError(f"{path}: the file is cut short or damaged ({reason}); copy or download it again")

@@ -213,6 +213,45 @@ def test_a_series_that_is_none_or_lies_elsewhere_is_told(series, exported, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+def edited_series(folder, to, edit):
+    """A series whose slices were edited."""
+    to.mkdir()
+    for file in folder.iterdir():
+        ds = pydicom.dcmread(file)
+        edit(ds)
+        ds.save_as(to / file.name)
+    return to
+
+
+def test_a_series_without_names_is_enough_and_its_map_is_an_object_of_its_own(series, exported, tmp_path):
+    others = {name: pydicom.uid.generate_uid() for name in ("StudyInstanceUID", "SeriesInstanceUID")}
+
+    def without_names(ds):
+        for name in ("PatientBirthDate", "AccessionNumber", "StudyID", "PatientSex", "StudyTime"):
+            if name in ds:
+                delattr(ds, name)
+        ds.update({pydicom.datadict.tag_for_keyword(name): pydicom.DataElement(
+            pydicom.datadict.tag_for_keyword(name), "UI", uid) for name, uid in others.items()})  # fmt: skip
+
+    folder = edited_series(series[0], tmp_path / "nameless", without_names)
+    export_map(exported / "out", tmp_path / "out", formats=("dicom",), series=folder)
+    for name in ("segmentation", "probability"):
+        here, there = (
+            pydicom.dcmread(where / f"map_{name}.dcm") for where in (tmp_path / "out", exported / "all")
+        )
+        assert here.StudyInstanceUID == others["StudyInstanceUID"]
+        assert here.PixelData == there.PixelData
+        # One archive may hold both.
+        assert here.SOPInstanceUID != there.SOPInstanceUID
+        assert here.SeriesInstanceUID != there.SeriesInstanceUID
+
+
+def test_a_series_without_a_frame_of_reference_is_told(series, exported, tmp_path):
+    folder = edited_series(series[0], tmp_path / "lost", lambda ds: delattr(ds, "FrameOfReferenceUID"))
+    with pytest.raises(UsageError, match="lacks FrameOfReferenceUID"):
+        export_map(exported / "out", tmp_path / "out", formats=("dicom",), series=folder)
+
+
 def test_a_segmentation_that_is_damaged_is_told_in_one_sentence(series, tmp_path):
     folder, T = series
     write_segmentation(folder, T, tmp_path / "seg.dcm", "BINARY")
@@ -221,6 +260,13 @@ def test_a_segmentation_that_is_damaged_is_told_in_one_sentence(series, tmp_path
     ds.save_as(tmp_path / "moved.dcm")
     with pytest.raises(VolumeError, match="not evenly spaced"):
         load_volume(tmp_path / "moved.dcm")
+    del ds.PixelData
+    ds.PerFrameFunctionalGroupsSequence[0].PlanePositionSequence[0].ImagePositionPatient = (
+        ds.PerFrameFunctionalGroupsSequence[1].PlanePositionSequence[0].ImagePositionPatient
+    )
+    ds.save_as(tmp_path / "empty.dcm")
+    with pytest.raises(VolumeError, match="cannot be read as DICOM"):
+        load_volume(tmp_path / "empty.dcm")
     (tmp_path / "cut.dcm").write_bytes((tmp_path / "seg.dcm").read_bytes()[:-20_000])
     with pytest.raises(VolumeError, match=r"cut\.dcm"):
         load_volume(tmp_path / "cut.dcm")

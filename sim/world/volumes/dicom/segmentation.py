@@ -57,7 +57,8 @@ def read_segmentation(path: Path) -> Grid:
         [_group(shared, each, "PlanePositionSequence").ImagePositionPatient for each in frames],
         [_group(shared, each, "PlaneOrientationSequence").ImageOrientationPatient for each in frames],
         measures.PixelSpacing,
-        float(measures.get("SpacingBetweenSlices") or measures.get("SliceThickness") or 0.0) or None,
+        slice_spacing_mm=measures.get("SpacingBetweenSlices"),
+        thickness_mm=measures.get("SliceThickness"),
     )
     is_label_map = str(ds.SOPClassUID) == LABEL_MAP
     segments = [

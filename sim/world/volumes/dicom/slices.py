@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 MM = 1e-3
 """DICOM's lengths are millimetres, its axes LPS."""
-EVEN = 0.02
-"""Share of the spacing by which a slice may lie off its place."""
+EVEN, ROUNDED_MM = 0.02, 0.015
+"""Share of the spacing by which a slice may lie off its place, and what rounding to hundredths of a millimetre adds."""
+SAME_MM = 1e-3
+"""Slices nearer to each other than this lie at one place."""
 PARALLEL = 1e-4
 """Slices whose directions differ by more are no stack."""
 
@@ -37,6 +39,7 @@ def stack_of(
     orientations: Sequence[Sequence[float]],
     pixel_spacing_mm: Sequence[float],
     slice_spacing_mm: float | None = None,
+    thickness_mm: float | None = None,
 ) -> Stack:
     """The stack of some slices.
 
@@ -45,6 +48,8 @@ def stack_of(
         orientations: Image Orientation (Patient) of each: the directions along a row and along a column, six numbers.
         pixel_spacing_mm: Pixel Spacing: between rows, and between columns [mm].
         slice_spacing_mm: Between slices [mm], where slices may be missing; None for the least step that there is.
+        thickness_mm: Slice Thickness [mm], which stands for the spacing of one slice alone; slices may overlap, or lie
+            farther apart than they are thick.
 
     Raises:
         ValueError: The slices are not parallel, or not evenly spaced.
@@ -55,15 +60,22 @@ def stack_of(
         raise ValueError("its slices are not parallel, or their axes not at right angles")
     normal, places = np.cross(along_row, along_column), np.asarray(positions_mm, dtype=np.float64)
     heights = places @ normal
-    steps = np.diff(np.unique(np.round(heights, 4)))
-    spacing = slice_spacing_mm or (float(steps.min()) if len(steps) else 0.0)
-    if not spacing > 0.0:
+    order = np.argsort(heights, kind="stable")
+    steps = np.diff(heights[order])
+    apart = steps[steps > SAME_MM]
+    least = abs(slice_spacing_mm or 0.0) or (float(apart.min()) if len(apart) else abs(thickness_mm or 0.0))
+    if not least > 0.0:
         raise ValueError("it has one slice alone, and says nothing of its thickness")
-    lowest = int(np.argmin(heights))
-    numbers = (heights - heights[lowest]) / spacing
-    indices = np.rint(numbers).astype(np.intp)
-    aside = places - places[lowest] - numbers[:, None] * spacing * normal
-    if np.abs(numbers - indices).max() > EVEN or np.abs(aside).max() > EVEN * spacing:
+    # Counted from slice to slice, so that what the first step is rounded by does not add up over the stack.
+    counted = np.where(steps > SAME_MM, np.rint(steps / least), 0.0)
+    indices = np.empty(len(heights), dtype=np.intp)
+    indices[order] = np.concatenate([[0.0], np.cumsum(counted)])
+    lowest, n_steps = order[0], int(indices.max())
+    spacing = float(np.ptp(heights)) / n_steps if n_steps else least
+    above = heights - heights[lowest]
+    aside = places - places[lowest] - above[:, None] * normal
+    most_mm = EVEN * spacing + ROUNDED_MM
+    if np.abs(above - spacing * indices).max() > most_mm or np.abs(aside).max() > most_mm:
         raise ValueError("its slices are not evenly spaced")
     T = np.eye(4)
     between_rows, between_columns = pixel_spacing_mm

@@ -49,12 +49,41 @@ def checked_poses(planner: Planner, ranking: Iterable[int], n_poses: int) -> Ite
     if not isinstance(ranking, Iterable):
         raise ValueError(f"{name}.rank returned {ranking!r}; it must yield or return indices of poses.")
     for pose in ranking:
-        is_whole = isinstance(pose, int | np.integer) and not isinstance(pose, bool)
-        if not is_whole or not 0 <= pose < n_poses:
-            raise ValueError(
-                f"{name} named the pose {pose!r}; poses are whole numbers from 0 to {n_poses - 1}."
-            )
+        _check_pose(pose, n_poses, name)
         yield pose
+
+
+def checked_paths(
+    planner: Planner, paths: Iterable[Iterable[int]], n_poses: int
+) -> Iterator[tuple[int, ...]]:
+    """The paths of a planner, each looked at as it comes.
+
+    Args:
+        planner: The planner, which may be a user's own.
+        paths: What its `paths` returned.
+        n_poses: How many poses there are.
+
+    Raises:
+        ValueError: It is no iterable, or what comes is no path.
+    """
+    name = _name_of(planner)
+    if not isinstance(paths, Iterable):
+        raise ValueError(f"{name}.paths returned {paths!r}; it must yield or return paths.")
+    for path in paths:
+        poses = tuple(path) if isinstance(path, Iterable) else ()
+        if not poses:
+            raise ValueError(
+                f"{name} named the path {path!r}; a path is a tuple of at least one index of a pose."
+            )
+        for pose in poses:
+            _check_pose(pose, n_poses, name)
+        yield tuple(map(int, poses))
+
+
+def _check_pose(pose: int, n_poses: int, name: str) -> None:
+    is_whole = isinstance(pose, int | np.integer) and not isinstance(pose, bool)
+    if not is_whole or not 0 <= pose < n_poses:
+        raise ValueError(f"{name} named the pose {pose!r}; poses are whole numbers from 0 to {n_poses - 1}.")
 
 
 def checked_confidence(planner: Planner, situation: Situation) -> float:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import planner as planners
 from planner import Planner, planner_names
+from sim.errors import UsageError
 from sim.running.fields import config_of
 from sim.running.parts import planner_of
 
@@ -25,6 +27,23 @@ class Entrant:
     """Digest of its source: the file of its class, or for a built-in one all files of the planners with numbers."""
     source: Path | None
     """The file of its class where that is a module of one file, which the submission then holds a copy of."""
+    files: tuple[Path, ...]
+    """The files that the digest is of."""
+
+    def source_bytes(self) -> bytes | None:
+        """What the file of its class holds, for the submission; None where that holds no copy.
+
+        Raises:
+            UsageError: A file is no longer as it was when the digest was made.
+        """
+        contents = [file.read_bytes() if file.is_file() else b"" for file in self.files]
+        if _digest(contents) != self.source_sha256:
+            raise UsageError(
+                f"{self.files[0] if len(self.files) == 1 else self.files[0].parent}: was changed while the benchmark "
+                "ran, so that trials may be of another planner than the submission would hold. Put back what it was "
+                "and call again, which goes on, or choose another `out`."
+            )
+        return None if self.source is None else contents[0]
 
 
 def load_entrant(text: str) -> Entrant:
@@ -43,8 +62,9 @@ def load_entrant(text: str) -> Entrant:
     return Entrant(
         text=text,
         map_settings=_map_of(made),
-        source_sha256=_digest(files),
+        source_sha256=_digest(file.read_bytes() for file in files),
         source=files[0] if is_one_file else None,
+        files=tuple(files),
     )
 
 
@@ -52,8 +72,8 @@ def _map_of(made: Planner) -> str:
     return str(made.preferred_map)
 
 
-def _digest(files: list[Path]) -> str:
+def _digest(contents: Iterable[bytes]) -> str:
     told = hashlib.sha256()
-    for file in files:
-        told.update(file.read_bytes())
+    for content in contents:
+        told.update(content)
     return told.hexdigest()

@@ -66,6 +66,7 @@ def run_bench(
             done = run_trials(study, campaign, jobs=settings.n_jobs, retry_failed=True, notify=notify)
             if done.is_interrupted:
                 return None
+            entrant.source_bytes()  # an edit is told before more is run
             records = trial_records(task, campaign, seeds, is_hidden=committed is not None)
             runs.append(TaskRun(task=task, records=records, trial_s=trial_seconds(campaign)))
         tier = "quick" if settings.quick else "full"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +49,11 @@ def write_submission(
         runs: The trials of each task.
         tier: `full` or `quick`.
         committed: The commitment to the key of hidden seeds; None for public ones.
+
+    Raises:
+        UsageError: The planner's source is no longer what it was when the run began.
     """
+    source = entrant.source_bytes()
     folder.mkdir(exist_ok=True)
     machine = describe_machine()
     content = {
@@ -69,8 +72,8 @@ def write_submission(
         "trial_s": round(sum(run.trial_s for run in runs), 1),
         "tasks": {run.task.name: task_part(run.task, run.records) for run in runs},
     }
-    if entrant.source is not None:
-        shutil.copyfile(entrant.source, folder / entrant.source.name)
+    if entrant.source is not None and source is not None:
+        (folder / entrant.source.name).write_bytes(source)
     with replacing(folder / SUBMISSION) as file:
         file.write(_lines(content).encode())
     return content
@@ -87,14 +90,19 @@ def task_part(task: Task, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
+def submission_folder(path: Path) -> Path:
+    """The folder that holds submission.json: one of a run of the benchmark holds it in a folder of its own."""
+    inner = path / "submission"
+    return inner if (inner / SUBMISSION).is_file() else path
+
+
 def read_submission(path: Path) -> dict[str, Any]:
-    """What the submission.json of a folder says; the folder of a run of the benchmark holds it in a folder of its own.
+    """What the submission.json of a folder says, which may be that of a run of the benchmark.
 
     Raises:
         UsageError: There is none, or it cannot be used.
     """
-    inner = path / "submission" / SUBMISSION
-    file = inner if inner.is_file() else path / SUBMISSION
+    file = submission_folder(path) / SUBMISSION
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

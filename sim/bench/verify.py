@@ -17,7 +17,7 @@ from .entrant import load_entrant
 from .hidden_seeds import commitment
 from .results import Record, trial_records
 from .studies import planner_study, replay_study, seeds_of
-from .submission import read_submission
+from .submission import read_submission, submission_folder
 from .tasks import Task, all_tasks
 
 MOST_TOLD = 5
@@ -64,7 +64,7 @@ def verify(
     content = read_submission(path)
     _check_key(content, key)
     known = {task.name: task for task in (all_tasks() if tasks is None else tasks)}
-    faults = faults_of_claims(content, known, key)
+    faults = faults_of_claims(content, known, key, submission_folder(path))
     if rerun and not faults:
         faults += _faults_of_source(content)
     if faults:

@@ -28,6 +28,7 @@ from .moving.arm_motion import motion_on_body
 from .moving.contact_motion import ContactMotion
 from .moving.encounter import Encounter
 from .moving.motion import Motion, MotionModel
+from .planned.checks import checked_reading
 from .setup import Setup
 from .yielding import STALE_M, RawReading, YieldingOrgan, face_radius_m
 
@@ -141,7 +142,7 @@ class Body:
         """
         T_world_probe, share = self._planned.T_world_probe, self.inhaled_share
         T_measured = measured(T_world_probe, self.options.settings, self._tip_rng)
-        reading = sensor.sense(self.state(), rng)
+        reading = checked_reading(sensor, self.state(), rng)
         if self.indentation is not None:
             reading = replace(reading, points_m=self.indentation.deformed_m(reading.points_m))
         reading = reading.moved(T_measured @ rigid_inverse(T_world_probe) @ self.T_world_rest)

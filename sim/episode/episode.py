@@ -32,15 +32,22 @@ from sim.world.sensing.sensor import SceneState, Sensor
 
 from .body import Body
 from .body_options import BodyOptions
-from .measures import NEVER, never, note_first
+from .measures import NEVER, never, note_held
 from .moving.approach import approach_first
 from .moving.arm_motion import make_motion_model
 from .moving.motion import MotionModel, SkippedPose
-from .planned.checks import check_parts, checked_confidence, checked_poses, checked_prediction
+from .planned.checks import (
+    check_parts,
+    checked_confidence,
+    checked_poses,
+    checked_prediction,
+    checked_reading,
+    checked_worth,
+)
 from .setup import Setup
 from .step import Ending, Step
 from .sweeping.score import SweepScore, joined_reading, taught_together
-from .target_belief import TargetBelief, draws_of, map_maker
+from .target_belief import TargetBelief, draws_of, map_maker, target_belief_of
 from .truth import Truth, make_truth
 
 
@@ -100,14 +107,9 @@ class Episode:
         self.tumour_map = None if self._new_map is None else self._new_map()
         self.trust = LabelTrust(trust)
         self.prediction: Prediction | None = None
-        self.target: TargetBelief | None = None
-        if self.truth.target is not None:
-            target_map = None if self._new_map is None else self._new_map()
-            self.target = TargetBelief(self.truth.target, setup.cone, target_map)
-        if plans_for_target and self.target is None:
-            raise ValueError(
-                "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
-            )
+        self.target = target_belief_of(
+            self.truth.target, setup.cone, self._new_map, is_needed=plans_for_target
+        )
         self._plans_for_target, self._casts_rays = plans_for_target, casts_rays
         self._scene_state = SceneState(scene, self.data)
         self._sensor = ConeSensor() if sensor is None else sensor
@@ -161,7 +163,7 @@ class Episode:
                 self.ended_by = "sensed"
             elif until_confident is not None and self.confidence() >= until_confident:
                 self.ended_by = "confident"
-            elif miss_cost is not None and not self.planner.is_worth_going_on(self.situation()):
+            elif miss_cost is not None and not checked_worth(self.planner, self.situation()):
                 self.ended_by = "not_worth"
             yield step
             if self.ended_by:
@@ -197,9 +199,12 @@ class Episode:
         for halt in self.motion_model.halts(self.data, motion):
             readings.append(self._read())
             passed.append(pose if halt is None else halt)
-            self._note_seen(number)
+            T_world_probe = self._scene_state.T_world_probe
+            note_held(
+                self.first_seen, number, self.setup.cone, self.truth.anatomy.detection_points_m, T_world_probe
+            )
             if self.target is not None:
-                self.target.note(number, readings[-1], self._scene_state.T_world_probe)
+                self.target.note(number, readings[-1], T_world_probe)
         sensed_s = perf_counter()
         labels = [self.trust.judge(LabelledPoints(*reading.labels)) for reading in readings]
         self.readings += labels
@@ -261,13 +266,8 @@ class Episode:
             self._scene_state = self.body.state()
             return self.body.read(self._sensor, self._sensor_rng)
         if self._casts_rays:
-            return self._sensor.sense(self._scene_state, self._sensor_rng)
+            return checked_reading(self._sensor, self._scene_state, self._sensor_rng)
         return Reading(np.empty((0, 3)), np.empty(0, dtype=bool), self._scene_state.T_world_probe)
-
-    def _note_seen(self, number: int) -> None:
-        T = self._scene_state.T_world_probe
-        is_held = self.setup.cone.contains(self.truth.anatomy.detection_points_m, T[:3, 3], T[:3, 2])
-        note_first(self.first_seen, number, is_held)
 
     def _update(self, labels: list[LabelledPoints]) -> float | None:
         if self.tumour_map is None:

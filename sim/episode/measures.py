@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from planner import Cone
+
 SENSED_GOAL = 0.95
 """The paper's measure of detection: the tumours count as detected when this share of their points was sensed."""
 ACTION_SECONDS = ("plan_s", "ik_s", "move_s", "sense_s", "update_s")
@@ -22,3 +24,22 @@ def never(n_points: int) -> FirstSteps:
 def note_first(first: FirstSteps, step: int, happens: NDArray[np.bool_]) -> None:
     """Write an action to the points to which something happens for the first time."""
     np.minimum(first, step, out=first, where=happens)
+
+
+def note_held(
+    first: FirstSteps,
+    step: int,
+    cone: Cone,
+    points_m: NDArray[np.float64],
+    T_world_probe: NDArray[np.float64],
+) -> None:
+    """Write an action to the points that its cone holds for the first time.
+
+    Args:
+        first: The action of each point, shape (N,), which is changed.
+        step: The action, from 1.
+        cone: What an action senses.
+        points_m: The points [m], shape (N, 3).
+        T_world_probe: Where the probe's tip is, shape (4, 4).
+    """
+    note_first(first, step, cone.contains(points_m, T_world_probe[:3, 3], T_world_probe[:3, 2]))

@@ -24,8 +24,8 @@ from mapping import (
 from planner import Cone
 from sim.world.sensing.reading import Reading
 
-from .measures import NEVER, never, note_first
-from .planned.checks import checked_prediction
+from .measures import NEVER, never, note_held
+from .planned.checks import checked_map, checked_prediction
 
 if TYPE_CHECKING:
     from mapping.registration import Laid
@@ -79,9 +79,7 @@ class TargetBelief:
         Raises:
             ValueError: There is a map, and the reading has no labels of the class.
         """
-        tip_m, beam = T_world_probe[:3, 3], T_world_probe[:3, 2]
-        is_held = self._cone.contains(self.truth.anatomy.detection_points_m, tip_m, beam)
-        note_first(self.first_seen, number, is_held)
+        note_held(self.first_seen, number, self._cone, self.truth.anatomy.detection_points_m, T_world_probe)
         if self.tumour_map is None:
             return
         if reading.is_target is None:
@@ -128,6 +126,29 @@ class TargetBelief:
             self.prediction = checked_prediction(self.tumour_map, len(self.truth.is_target))
 
 
+def target_belief_of(
+    truth: TargetTruth | None, cone: Cone, new_map: Callable[[], TumourMap] | None, *, is_needed: bool
+) -> TargetBelief | None:
+    """The belief about the second class of an episode before anything is sensed; None where there is no such class.
+
+    Args:
+        truth: The bodies of the class.
+        cone: What an action senses.
+        new_map: Makes a map without readings; None where no map is kept.
+        is_needed: Whether the planner is shown this belief in place of the tumours'.
+
+    Raises:
+        ValueError: It is needed, and there is no such class.
+    """
+    if truth is not None:
+        return TargetBelief(truth, cone, None if new_map is None else new_map())
+    if is_needed:
+        raise ValueError(
+            "plans_for_target=True: the setup has no second class. Give the case a second class, or leave it out."
+        )
+    return None
+
+
 def draws_of(
     tumour_map: TumourMap | None,
 ) -> Callable[[np.random.Generator], NDArray[np.float64]] | None:
@@ -151,4 +172,4 @@ def map_maker(
     setup: Setup, make: TumourMapFactory | None, settings: MapSettings, detail: DetailSettings | None
 ) -> Callable[[], TumourMap] | None:
     """What makes a map before any reading, on the setup's lattices; None where no map is kept."""
-    return None if make is None else lambda: make(setup.map_space(settings, detail))
+    return None if make is None else lambda: checked_map(make(setup.map_space(settings, detail)))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mapping.threads import one_blas_thread
 from planner import Situation
 from sim.episode.episode import Episode
-from sim.episode.measures import SENSED_GOAL
+from sim.episode.measures import NEVER, SENSED_GOAL
 from sim.episode.planned.checks import checked_prediction
 from sim.episode.setup import Setup
 from sim.episode.step import Step
@@ -25,21 +25,12 @@ from sim.world.optional import optional_module
 from .chosen_pose import ChosenPose
 from .course import Course, reached_poses
 from .observation import History, observation_space
+from .taken_options import check_options, whole_number
 
 gymnasium = optional_module("gymnasium", "gym", "`sim.gym`")
 
 SEEDS = 2**31
 """An episode that is started without a seed takes one below this."""
-OF_THE_CALL = {
-    "seed": "Give it to reset().",
-    "steps": "Give max_steps.",
-    "motion": "The probe jumps from pose to pose here; leave it out.",
-    "until_sensed": f"An episode ends at {SENSED_GOAL}; leave it out.",
-    "until_confident": "The agent decides; leave it out.",
-    "miss_cost": "The agent decides; leave it out.",
-    "plan_for": "The reward is about tumours; leave it out.",
-}
-"""Options of an episode that an environment does not take, and what to do."""
 
 
 class SoundingEnv(gymnasium.Env):
@@ -53,7 +44,7 @@ class SoundingEnv(gymnasium.Env):
     - `last_pose`: the pose sensed last; -1 before the first.
     - `share_used`, shape (1,): the share of `max_steps` that is used.
     - `history`, shape (H,): the poses sensed, in order; -1 for those to come.
-    - `tumour_in_cone`, shape (H,): 1 for each of these whose reading held tumour.
+    - `tumour_in_cone`, shape (H,): 1 for each of these whose reading, or one on the way of a sweep, held tumour.
     - `belief`, shape (X, Y, Z): the map's probability of tumour on the query lattice, 0 outside the organ. Only where a
       map is kept.
 
@@ -91,16 +82,19 @@ class SoundingEnv(gymnasium.Env):
         Raises:
             UsageError, WorldError, PlannerError: Something cannot be done.
         """
-        for name in OF_THE_CALL.keys() & options:
-            raise FieldError(name, options[name], f"is no option of an environment. {OF_THE_CALL[name]}")
-        if keeps_map and makes_readings is False:
-            raise FieldError("makes_readings", False, "a map is made of readings. Give keeps_map=False too.")
-        if max_steps < 1:
-            raise FieldError("max_steps", max_steps, "must be 1 or more.")
+        check_options(
+            options,
+            keeps_map=keeps_map,
+            makes_readings=makes_readings,
+            max_steps=max_steps,
+            reward_per_tumour=reward_per_tumour,
+        )
         if render_mode is not None:
             raise FieldError("render_mode", render_mode, "nothing is drawn; leave it out.")
         values = {"scenario": scenario, "arm": "none", "motion": "none"} | options
         self.course = Course.of(changed(EpisodeConfig(), **values))
+        if keeps_map and not self.course.parts.keeps_map:
+            raise FieldError("map", options["map"], "keeps no map here. Give keeps_map=False too.")
         self.keeps_map, self.max_steps, self.reward_per_tumour = keeps_map, max_steps, reward_per_tumour
         self.makes_readings = keeps_map if makes_readings is None else makes_readings
         self.render_mode = render_mode
@@ -111,6 +105,7 @@ class SoundingEnv(gymnasium.Env):
         self._is_reached: tuple[Setup, NDArray[np.bool_]] | None = None
         self._episode: Episode | None = None
         self._steps: Iterator[Step] = iter(())
+        self._sensed_fraction = 0.0
 
     @property
     def episode(self) -> Episode:
@@ -134,7 +129,8 @@ class SoundingEnv(gymnasium.Env):
         """
         setup = self.episode.setup
         lost = np.flatnonzero(~self._open_actions(setup)[: setup.workspace.n_poses])
-        return replace(self.episode.situation(), skipped=frozenset(lost.tolist()))
+        known = self.episode.motion_model.extended(self.episode.situation())
+        return replace(known, skipped=frozenset(lost.tolist()))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -178,7 +174,7 @@ class SoundingEnv(gymnasium.Env):
             says why a pose is not reached, which is a step without a reading; empty where it is.
         """
         self._check_running()
-        pose, reason = int(action), self._reason_out_of_reach(int(action))
+        pose, reason = self._pose_of(action)
         before, n_met = self._sensed_fraction, int(self._is_tumour_met.sum())
         if reason:
             self._history.note_missed(pose)
@@ -192,39 +188,50 @@ class SoundingEnv(gymnasium.Env):
         return observation, reward, is_done, is_cut, self._info(observation, reason)
 
     def _check_running(self) -> None:
-        """Check that there is an episode with a step left.
+        """Check that there is an episode that is neither terminated nor truncated.
 
         Raises:
             gymnasium.error.ResetNeeded: There is none.
         """
-        if self._episode is None or self._history.n_actions >= self.max_steps:
+        if self._episode is None or self._is_over():
             raise gymnasium.error.ResetNeeded("No episode has a step left. Call reset().")
+
+    def _is_over(self) -> bool:
+        return self._sensed_fraction >= SENSED_GOAL or self._history.n_actions >= self.max_steps
 
     def _sense(self, pose: int) -> None:
         """Have the episode sense from a pose that is reached, and note what came of it."""
         self._chosen.pose = pose
         with one_blas_thread():
             step = next(self._steps)
-        anatomy, T = self.episode.truth.anatomy, step.reading.T_world_probe
-        is_held = self.episode.setup.cone.contains(anatomy.detection_points_m, T[:3, 3], T[:3, 2])
-        self._is_tumour_met[anatomy.detection_tumours[is_held]] = True
+        anatomy = self.episode.truth.anatomy
+        self._is_tumour_met[anatomy.detection_tumours[self.episode.first_seen != NEVER]] = True
         self._sensed_fraction = step.sensed_fraction or 0.0
-        is_met = step.reading.is_occupied.any() if self.makes_readings else is_held.any()
+        is_met = step.reading.is_occupied.any() if self.makes_readings else self._is_held(step)
         self._history.note_sensed(pose, is_tumour_in_cone=bool(is_met))
 
-    def _reason_out_of_reach(self, pose: int) -> str:
-        """Why a pose is not reached; empty where it is.
+    def _is_held(self, step: Step) -> bool:
+        """Whether a cone of an action held a detection point."""
+        cone, points_m = self.episode.setup.cone, self.episode.truth.anatomy.detection_points_m
+        poses = [step.reading.T_world_probe] if step.sweep is None else step.sweep.T_world_readings
+        return any(cone.contains(points_m, T[:3, 3], T[:3, 2]).any() for T in poses)
+
+    def _pose_of(self, action: int) -> tuple[int, str]:
+        """The pose of an action, and why it is not reached; empty where it is.
 
         Raises:
             ValueError: There is no such action.
         """
-        setup, n_actions = self.episode.setup, self.course.n_actions
+        setup, n_actions, pose = self.episode.setup, self.course.n_actions, whole_number(action)
+        if pose is None:
+            raise ValueError(f"action={action!r}: must be a whole number, 0 .. {n_actions - 1}.")
         if not 0 <= pose < n_actions:
             raise ValueError(f"action={pose}: must be 0 .. {n_actions - 1}.")
-        if pose >= setup.workspace.n_poses:
-            return f"This organ has {setup.workspace.n_poses} poses only; the mask leaves the others out."
+        n_poses = setup.workspace.n_poses
+        if pose >= n_poses:
+            return pose, f"This organ has {n_poses} poses only; the mask leaves the others out."
         answer = setup.positioner.reach(pose)
-        return "" if answer.is_reached else answer.explain()
+        return pose, "" if answer.is_reached else answer.explain()
 
     def _open_actions(self, setup: Setup) -> NDArray[np.bool_]:
         """Which actions lead to a pose that is reached, shape (n_actions,)."""

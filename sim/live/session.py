@@ -32,7 +32,7 @@ from mapping import (
 )
 from mapping.threads import one_blas_thread
 from planner import Planner, Situation
-from sim.episode.planned.checks import checked_confidence, checked_poses, checked_prediction
+from sim.episode.planned.checks import checked_confidence, checked_poses, checked_prediction, checked_worth
 from sim.episode.planned.planned_organ import PlannedOrgan
 from sim.episode.target_belief import draws_of
 from sim.world.frames import frames_along
@@ -207,7 +207,7 @@ class Session:
             return "no_pose_left"
         if self._until_confident is not None and (confidence or 0.0) >= self._until_confident:
             return "confident"
-        if self.sensed and self._miss_cost is not None and not self.planner.is_worth_going_on(situation):
+        if self.sensed and self._miss_cost is not None and not checked_worth(self.planner, situation):
             return "not_worth"
         return "sense"
 

@@ -21,12 +21,12 @@ from planner import (
 from sim.episode.scenario import GENERATED_LIVER, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import FieldError, UsageError
-from sim.plugs import MAP, PLANNER, load_plug, make_plug, parse_plug_options
+from sim.plugs import PLANNER, parse_plug_options
 from sim.world.motion.settings import MotionKind, MotionSettings, ServoSettings
 
 from .case import MM, scenario_changes
 from .config import ALWAYS, ULTRASOUND, WHEN_NEEDED, EpisodeConfig
-from .own import own_plug, refuse_options
+from .own import own_map, own_plug, refuse_options
 from .placing.arm_place import arm_of, probe_of
 from .placing.body import body_of, motion_of
 from .reader import reader_errors
@@ -290,10 +290,7 @@ def _map_of(config: EpisodeConfig, planner: Planner) -> TumourMapFactory | None:
     """What makes the map; None where no map is kept."""
     kept = config.mapping.map
     if kept not in (ALWAYS, WHEN_NEEDED):
-        # A text that leads nowhere is told before anything is built.
-        load_plug(kept, MAP)
-        options = parse_plug_options(config.mapping.map_option)
-        return lambda space: make_plug(kept, MAP, options, space)
+        return own_map(kept, config.mapping.map_option)
     refuse_options("map_option", config.mapping.map_option, "map of your own; the built-in map")
     is_kept = kept == ALWAYS or (kept == WHEN_NEEDED and planner.needs_belief)
     return make_hilbert_map if is_kept else None

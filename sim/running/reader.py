@@ -55,7 +55,7 @@ class ReaderConfig:
     boundary_shared: float | None = None
     """Share of the outline's variance that all views of a lesion have in common, which no further view corrects."""
     false_blobs: float | None = None
-    """Mean number of lesions in a view that are none."""
+    """Mean number of lesions in a view that are none, from 0 to 100."""
     false_blob_mm: float | None = None
     """Median radius of these [mm]."""
     penetration_mm: float | None = None

@@ -76,7 +76,7 @@ ERRORS = {
     "broken:Boasts": "ValueError: Boasts.confidence returned <object object at",
     "broken:Falls": "KeyError: 'cable'",
     "broken:Overflows": "OverflowError: too many points",
-    "broken:Vague": "ValueError: every score must be finite",
+    "broken:Vague": "ValueError: Vague.predict_lattice returned latent means or variances that are no finite",
 }
 """What the rows of plugs that break begin to say."""
 TIMED = {"plan_s", "ik_s", "move_s", "sense_s", "update_s", "setup_s", "render_s", "wall_s"}

@@ -164,6 +164,10 @@ class MotionModel(ABC):
     senses_in_motion: bool = False
     """Whether the time of sensing is a part of the motion."""
 
+    def extended(self, situation: Situation) -> Situation:
+        """A situation with what a planner may know of how the probe moves beside it."""
+        return situation
+
     def ranking(self, planner: Planner, situation: Situation) -> Iterator[int]:
         """The poses to try to bring the probe to, best first.
 

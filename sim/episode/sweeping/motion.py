@@ -15,6 +15,7 @@ from sim.world.motion.settings import MotionSettings
 
 from ..moving.motion import Motion, MotionModel, Phase, joined, set_state, state_of
 from ..moving.travel import Travel
+from ..planned.checks import checked_paths
 from .ground import Ground
 from .settings import SweepSettings
 from .slides import Slide
@@ -53,17 +54,21 @@ class SweepMotion(MotionModel):
         self._at: int | None = None
         self._via: tuple[int, ...] = ()
 
-    def ranking(self, planner: Planner, situation: Situation) -> Iterator[int]:
-        """See `MotionModel.ranking`: the ends of the planner's paths; the last one that was asked for is gone."""
-        known = replace(
+    def extended(self, situation: Situation) -> Situation:
+        """See `MotionModel.extended`: where the probe glides, how fast, and how often it reads."""
+        return replace(
             situation,
             roadmap=self._ground.roadmap,
             sweep_speed_m_s=self._settings.speed_m_s,
             read_every_m=self._settings.read_every_m,
         )
-        for path in planner.paths(known):
-            self._via = tuple(path[:-1])
-            yield int(path[-1])
+
+    def ranking(self, planner: Planner, situation: Situation) -> Iterator[int]:
+        """See `MotionModel.ranking`: the ends of the planner's paths; the last one that was asked for is gone."""
+        n_poses = self._ground.setup.workspace.n_poses
+        for path in checked_paths(planner, planner.paths(self.extended(situation)), n_poses):
+            self._via = path[:-1]
+            yield path[-1]
 
     def halts(self, data: mujoco.MjData, motion: Motion) -> Iterator[int | None]:
         """See `MotionModel.halts`."""

@@ -60,10 +60,12 @@ class Solid:
         """The crossings of vertical rays with the surface, made on first use: a solid that is only drawn needs none."""
         return VerticalCrossings(self.vertices_m, self.faces)
 
-    @property
+    @cached_property
     def bounds_m(self) -> NDArray[np.float64]:
-        """Lowest and highest corner of the axis-aligned bounding box [m], shape (2, 3)."""
-        return np.stack([self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)])
+        """Lowest and highest corner of the axis-aligned bounding box [m], shape (2, 3), kept: readings ask."""
+        bounds_m = np.stack([self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)])
+        bounds_m.setflags(write=False)
+        return bounds_m
 
     @property
     def extents_m(self) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from sim.bench import run
 from sim.bench.results import trial_scores
 from sim.bench.run import BenchSettings, run_bench
 from sim.bench.verify import verify
@@ -111,6 +112,22 @@ def test_a_planner_that_raises_has_the_worst_score(own_planner, toys, here) -> N
     assert "no idea" in parts["toy-v1"]["trials"][0]["error"]
     verdict = verify(own_planner / "out", tasks=toys)
     assert (verdict.faults, verdict.n_trials, verdict.n_failed) == ((), 0, 4)
+
+
+def test_a_planner_that_is_edited_meanwhile_is_no_submission(own_planner, toys, here, monkeypatch) -> None:
+    file, trials = own_planner / "slow_planner.py", run.run_trials
+
+    def run_and_edit(*args, **options):
+        file.write_text(SLOW_PLANNER + "# edited\n")
+        return trials(*args, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "run_trials", run_and_edit)
+        with pytest.raises(UsageError, match=r"slow_planner.py: was changed while the benchmark ran"):
+            run_bench("slow_planner:Broken", toys[:1], own_planner / "out", BenchSettings(quick=True))
+    assert not (own_planner / "out" / "submission").exists()
+    file.write_text(SLOW_PLANNER)
+    assert run_bench("slow_planner:Broken", toys[:1], own_planner / "out", BenchSettings(quick=True))
 
 
 def test_a_tumour_that_was_never_sensed_counts_as_the_most_actions(toys) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from dataclasses import replace
@@ -95,6 +96,50 @@ def test_a_changed_task_is_told(submission, toys) -> None:
     (fault,) = verify(submission, tasks=changed).faults
     assert fault.startswith("toy-v1: its files have the digest")
     assert verify(submission, tasks=toys[1:]).faults == ("toy-v1: there is no such task in this version",)
+
+
+def test_a_score_or_direction_that_is_not_the_tasks_is_told(tampered, toys) -> None:
+    for change in ({"score": "no_such_score"}, {"direction": "lower"}):
+        path = tampered(lambda content, change=change: content["tasks"]["toy-map-v1"].update(change))
+        (fault,) = verify(path, tasks=toys).faults
+        (name,) = change
+        assert fault.startswith(f"toy-map-v1: its {name} is {change[name]} there and ")
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"tasks": {}}, "holds no task"),
+        ({"versions": []}, "`versions` is [], and has to be an object"),
+        ({"planner": "x"}, '`planner` is "x", and has to be an object'),
+        ({"tasks": []}, "`tasks` is [], and has to be an object"),
+        ({"planner": {"map": "paper"}}, "the planner's text is None"),
+    ],
+)
+def test_a_submission_that_says_nothing_or_is_malformed_does_not_hold(tampered, change, text, capsys) -> None:
+    path = tampered(lambda content: content.update(change))
+    assert main(["bench", "--verify", str(path)]) == 1
+    assert text in capsys.readouterr().out
+
+
+def test_a_copy_of_the_planner_that_is_another_or_missing_is_told(tampered, toys) -> None:
+    source = b"raise SystemExit('the check runs nobody's code')"
+
+    def change(content) -> None:
+        digest = hashlib.sha256(source).hexdigest()
+        content["planner"].update(text="mine:Mine", source="mine.py", source_sha256=digest)
+
+    path = tampered(change)
+    assert verify(path, tasks=toys).faults == (
+        "mine.py, the copy of the planner's file, is not beside submission.json",
+    )
+    (path / "mine.py").write_bytes(source)
+    assert verify(path, tasks=toys).faults == ()
+    (path / "mine.py").write_bytes(source + b" ")
+    (fault,) = verify(path, tasks=toys).faults
+    assert fault.startswith("mine.py, the copy of the planner's file, has the digest ")
+    path = tampered(lambda content: content["planner"].update(source="../mine.py"))
+    assert "is no plain name of a file" in verify(path, tasks=toys).faults[0]
 
 
 def test_other_versions_are_told(tampered, toys) -> None:

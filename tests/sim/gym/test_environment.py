@@ -152,12 +152,37 @@ def test_an_episode_is_terminated_at_95_percent_and_truncated_at_the_last_step()
         _, _, is_terminated, is_truncated, info = env.step(pose)
         assert not is_truncated
     assert info["sensed_fraction"] >= 0.95
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(0)
     env = environment(**SMALL)
     env.reset(seed=0)
     ends = [env.step(0)[3] for _ in range(4)]
     assert ends == [False, False, False, True]
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(0)
+
+
+def test_what_a_sweep_reads_on_the_way_counts():
+    seen = {}
+    for makes_readings in (False, True):
+        env = environment(**SMALL, sense="sweep", makes_readings=makes_readings, reward_per_tumour=10.0)
+        env.reset(seed=3)
+        env.step(9000)
+        # Between these two poses lies the tumour, which the cone at neither end holds.
+        observation, reward, _, _, info = env.step(2000)
+        assert reward == pytest.approx(10.0 + info["sensed_fraction"])
+        seen[makes_readings] = (info["tumours_met"], observation["tumour_in_cone"].tolist())
+    assert seen[False] == seen[True] == (1, [0, 1, 0, 0])
+
+
+def test_a_sweep_shows_what_planners_of_paths_need():
+    env = environment(**SMALL, sense="sweep")
+    env.reset(seed=3)
+    env.step(5)
+    situation = env.situation()
+    assert situation.roadmap is not None
+    assert situation.read_every_m > 0.0
+    assert all(0 <= pose < 14_400 for pose in next(iter(make_planner("boustrophedon").paths(situation))))
 
 
 def test_a_pose_out_of_reach_is_a_step_without_a_reading(tmp_path):
@@ -235,7 +260,15 @@ def test_without_a_seed_the_stream_of_the_first_one_goes_on():
     [
         ({"seed": 3}, r"seed=3: .*reset"),
         ({"motion": "servo"}, "motion=servo: "),
-        ({"max_steps": 0}, "max_steps=0: must be 1 or more"),
+        ({"max_steps": 0}, "max_steps=0: must be a whole number, 1 or more"),
+        ({"max_steps": 2.5}, "max_steps=2.5: must be a whole number, 1 or more"),
+        ({"reward_per_tumour": np.nan}, "reward_per_tumour=nan: must be a finite number"),
+        ({"out": "folder"}, "out=folder: is no option of an environment. Nothing is written"),
+        ({"frames": "each"}, "frames=each: is no option of an environment"),
+        ({"config": "config.json"}, "config=config.json: .* by their names"),
+        ({"keeps_map": False, "map": "my_map:Map"}, "map=my_map:Map: no map is kept"),
+        ({"keeps_map": False, "sensor": "cone-with-errors"}, "sensor=cone-with-errors: no readings are made"),
+        ({"map": "when-needed", "planner": "random"}, "map=when-needed: keeps no map here"),
         ({"makes_readings": False}, "makes_readings=False: a map is made of readings"),
         ({"stepz": 3}, "unknown option 'stepz'"),
     ],
@@ -252,6 +285,10 @@ def test_an_action_that_is_none_is_refused():
     env.reset(seed=0)
     with pytest.raises(ValueError, match=r"action=14400: must be 0 .. 14399"):
         env.step(14_400)
+    for action in (3.7, True, np.True_, "3"):
+        with pytest.raises(ValueError, match=r"must be a whole number, 0 .. 14399"):
+            env.step(action)
+    assert env.step(np.int64(3))[4]["is_reached"]
 
 
 def test_without_gymnasium_the_error_names_the_extra(monkeypatch):

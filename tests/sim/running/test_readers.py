@@ -85,6 +85,11 @@ def test_a_false_blob_is_told_by_its_share_of_the_cone() -> None:
             {**ERRING, "flipped_free": 0.6, "flipped_tumour": 0.5},
             "0.5: must add up to less than 1 with `flipped_free` of 0.6",
         ),
+        (
+            {**ERRING, "flipped_free": 1.0},
+            "flipped_free=1.0: must be 0 or more and below 1, since at 1 every",
+        ),
+        ({**ERRING, "false_blobs": 1e6}, "false_blobs=1000000.0: must be at most 100, more than which hide"),
         ({**ERRING, "sensor_option": ("a=1",)}, "goes only with a sensor of your own"),
         ({"label_trust": "told"}, "only a reader that errs tells its rates"),
         (

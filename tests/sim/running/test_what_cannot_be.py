@@ -125,6 +125,24 @@ def test_a_map_that_does_wrong_is_told_and_its_run_has_failed(tmp_path, tumour_m
     assert json.loads((tmp_path / "run" / "manifest.json").read_text())["status"] == "failed"
 
 
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("nothing", "returned None"), ("half", "returned a Half without predict_lattice and save")],
+)
+def test_a_map_named_by_text_that_is_none_is_told_before_anything_is_written(
+    tmp_path, monkeypatch, capsys, name, told
+) -> None:
+    code = "class Half:\n    def update(self, points_m, is_occupied): pass\n"
+    code += "def nothing(space): return None\ndef half(space): return Half()\n"
+    (tmp_path / "no_maps.py").write_text(code)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    options = ["--scenario", "sphere", "--arm", "none", "--steps", "1", "--out", "run"]
+    assert main(["episode", "--map", f"no_maps:{name}", *options]) == 2
+    assert f"--map 'no_maps:{name}' {told}; a map has the methods" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+
+
 @dataclass(frozen=True)
 class Weighted(RandomOrder):
     """A planner with a setting that no text on the command line holds."""

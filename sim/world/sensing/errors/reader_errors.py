@@ -8,7 +8,8 @@ import numpy as np
 
 from sim.errors import UsageError
 
-_SHARES = ("flipped_free", "flipped_tumour", "missed_share", "boundary_shared")
+_SHARES = ("missed_share", "boundary_shared")
+_FLIPPED = ("flipped_free", "flipped_tumour")
 _NOT_NEGATIVE = (
     "missed_size_power",
     "missed_per_m",
@@ -19,6 +20,8 @@ _NOT_NEGATIVE = (
 _POSITIVE = ("boundary_length_m", "false_blob_radius_m", "penetration_m")
 BLOB_SPREAD = 0.3
 """Standard deviation of the logarithm of a false blob's radius."""
+MOST_FALSE_BLOBS = 100.0
+"""Most false lesions in a view: published readers draw less than one, and each takes time with every view."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +55,7 @@ class ReaderErrors:
     boundary_shared: float = 0.0
     """Share of the outline's variance that all views of a lesion have in common; what they share no view corrects."""
     false_blobs: float = 0.0
-    """Mean number of lesions in a view that are none."""
+    """Mean number of lesions in a view that are none, at most 100."""
     false_blob_radius_m: float = 0.006
     """Their median radius [m]; its logarithm has the standard deviation `BLOB_SPREAD`."""
     penetration_m: float = np.inf
@@ -73,10 +76,19 @@ class ReaderErrors:
             name, value = each.name, getattr(self, each.name)
             if name in _SHARES and not 0.0 <= value <= 1.0:
                 raise UsageError(f"`{name}` must be from 0 to 1, not {value:g}.")
+            if name in _FLIPPED and not 0.0 <= value < 1.0:
+                raise UsageError(
+                    f"`{name}` must be 0 or more and below 1, since at 1 every such label is wrong, not {value:g}."
+                )
             if name in _NOT_NEGATIVE and not 0.0 <= value < np.inf:
                 raise UsageError(f"`{name}` must be 0 or more and finite, not {value:g}.")
             if name in _POSITIVE and not value > 0.0:
                 raise UsageError(f"`{name}` must be above 0, not {value:g}.")
+        if self.false_blobs > MOST_FALSE_BLOBS:
+            raise UsageError(
+                f"`false_blobs` must be at most {MOST_FALSE_BLOBS:g}, more than which hide the view, not "
+                f"{self.false_blobs:g}."
+            )
         if self.flipped_free + self.flipped_tumour >= 1.0:
             raise UsageError(
                 f"`flipped_tumour` must add up to less than 1 with `flipped_free` of {self.flipped_free:g}, since at 1 "

@@ -89,6 +89,23 @@ def test_a_tumour_between_two_poses_is_seen_by_the_path_alone(sparse_setup) -> N
     assert gliding.sensed[-1] == end
 
 
+@pytest.mark.parametrize(
+    ("paths", "told"),
+    [
+        (7, r"Fixed\.paths returned 7; it must yield or return paths"),
+        ([()], r"Fixed named the path \(\); a path is a tuple of at least one index"),
+        ([3], "Fixed named the path 3"),
+        ([(10**6, 3)], r"Fixed named the pose 1000000; poses are whole numbers from 0 to"),
+        ([(-1, 3)], "Fixed named the pose -1"),
+    ],
+)
+def test_a_path_of_what_is_no_pose_is_refused(sparse_setup, monkeypatch, paths, told) -> None:
+    monkeypatch.setattr(Fixed, "paths", lambda self, situation: paths)
+    episode = Episode(sparse_setup, Fixed(), seed=0, tumour_map=None, motion_model=sweep(sparse_setup))
+    with pytest.raises(ValueError, match=told):
+        list(episode.steps(1))
+
+
 def test_a_free_probe_stays_on_the_organ_at_its_speed_and_reads_every_so_often(sparse_setup) -> None:
     model, data = sweep(sparse_setup), sparse_setup.scene.new_data()
     exact = SurfaceDistance(sparse_setup.organ)

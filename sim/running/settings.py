@@ -96,7 +96,7 @@ def detail_of(
         settings = DetailSettings.of_many_labels()
     elif place_deviation_m > 0.0:
         # Labels that lie off are thinned out less. To ask more of them changes no map and takes four times as long.
-        settings = dataclasses.replace(DetailSettings.of_many_labels(), n_neighbours=settings.n_neighbours)
+        settings = dataclasses.replace(settings, cube_m=DetailSettings.of_many_labels().cube_m)
     return settings if place_deviation_m == 0.0 else settings.at_uncertain_places(place_deviation_m)
 
 

@@ -173,11 +173,11 @@ def test_what_a_sensor_says_of_its_labels_is_learnt_and_a_pose_without_a_point_i
 
 def test_a_port_that_cannot_be_had_leaves_no_session(scenario, tmp_path):
     config = config_of(scenario=str(scenario), arm="none", motion="none")
-    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(UsageError, match="port"):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
         link = LinkSettings(port=taken.getsockname()[1])
-        serve(
-            config, Serving(folder=tmp_path / "out", link=link, service=ServiceSettings()), lambda text: None
-        )
+        serving = Serving(folder=tmp_path / "out", link=link, service=ServiceSettings())
+        with pytest.raises(UsageError, match="port"):
+            serve(config, serving, lambda text: None)
     assert not (tmp_path / "out" / "session.json").exists()
 
 

@@ -46,9 +46,10 @@ doctor:
 	@FRAMES=none sh .ci/setup
 	@.venv/bin/sounding doctor
 
-# With one BLAS thread each, the pools of NumPy and SciPy do not take the cores from each other.
+# With one BLAS thread each, the pools of NumPy and SciPy do not take the cores from each other. Bytecode is kept: tests
+# start some hundred processes, each of which would compile the package anew where the machine says not to keep any.
 test: setup-dev
-	OPENBLAS_NUM_THREADS=1 .venv/bin/python -m pytest -n auto --maxprocesses 4 $(TESTS)
+	OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= .venv/bin/python -m pytest -n auto --maxprocesses 4 $(TESTS)
 
 check:
 	@FRAMES=none sh .ci/setup lint

@@ -58,6 +58,13 @@ class BenchFolder(LockedFolder):
         """The folder of a task's campaign."""
         return self.path / "campaigns" / task
 
+    def set_aside(self, task: str) -> None:
+        """Keep a task's campaign under another name, so that the task is run anew."""
+        folder, n = self.campaign(task), 1
+        while (aside := folder.with_name(f"{task}-set-aside-{n}")).exists():
+            n += 1
+        folder.rename(aside)
+
     @property
     def submission(self) -> Path:
         """The folder to hand in."""

@@ -40,8 +40,8 @@ class Entrant:
         if _digest(contents) != self.source_sha256:
             raise UsageError(
                 f"{self.files[0] if len(self.files) == 1 else self.files[0].parent}: was changed while the benchmark "
-                "ran, so that trials may be of another planner than the submission would hold. Put back what it was "
-                "and call again, which goes on, or choose another `out`."
+                "ran. The trials of the task that ran then may be of another planner, and were set aside. Put back "
+                "what it was and call again, which runs that task anew, or choose another `out`."
             )
         return None if self.source is None else contents[0]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sim.campaign.campaign import run_trials
+from sim.errors import UsageError
 from sim.notices import Notify, print_notice
 
 from .bench_folder import BenchFolder
@@ -64,9 +65,13 @@ def run_bench(
             print(f"task {number} of {len(tasks)}", file=sys.stderr)
             campaign = folder.campaign(task.name)
             done = run_trials(study, campaign, jobs=settings.n_jobs, retry_failed=True, notify=notify)
+            try:
+                entrant.source_bytes()
+            except UsageError:
+                folder.set_aside(task.name)
+                raise
             if done.is_interrupted:
                 return None
-            entrant.source_bytes()  # an edit is told before more is run
             records = trial_records(task, campaign, seeds, is_hidden=committed is not None)
             runs.append(TaskRun(task=task, records=records, trial_s=trial_seconds(campaign)))
         tier = "quick" if settings.quick else "full"

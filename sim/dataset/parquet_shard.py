@@ -72,7 +72,8 @@ def n_episodes(folder: Path, shard: int) -> int:
 
 def shards_in(folder: Path) -> list[int]:
     """The numbers of the shards that lie in a folder, whole or not."""
-    return [int(file.stem.split("-")[1]) for file in (folder / "episodes").glob("shard-*.parquet")]
+    files = (folder / "episodes").glob("shard-*.parquet")
+    return [int(file.stem[6:]) for file in files if file.stem[6:].isdecimal()]
 
 
 class ParquetShard:

@@ -45,9 +45,12 @@ class DatasetPlan:
 
     def n_beyond(self) -> int:
         """How many episodes the folder holds that the plan does not have."""
-        folder, shards = self.shards_folder, self._kind.shards_in(self.shards_folder)
-        n_more = (self._kind.n_episodes(folder, shard) - len(self.members(shard)) for shard in shards)
-        return sum(n for n in n_more if n > 0)
+        folder, n_more = self.shards_folder, 0
+        for shard in self._kind.shards_in(folder):
+            n, n_planned = self._kind.n_episodes(folder, shard), len(self.members(shard))
+            # A damaged shard that the plan has not would stay as it is.
+            n_more += max(n - n_planned, 0) if n_planned else max(n, 1)
+        return n_more
 
     @property
     def _kind(self) -> ModuleType:

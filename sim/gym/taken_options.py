@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import numbers
 import operator
 from collections.abc import Mapping
 from typing import Any
 
 from sim.episode.measures import SENSED_GOAL
 from sim.errors import FieldError
+from sim.running.config import WHEN_NEEDED
 from sim.running.fields import default_of, plain
 
 _NOT_WRITTEN = "Nothing is written; leave it out."
@@ -56,11 +58,11 @@ def check_options(
             "no readings are made. Leave it out, or give makes_readings=True.",
         ),
     ):
-        if name in options and not is_used and plain(options[name]) != default_of(name):
+        if name in options and not is_used and plain(options[name]) not in (default_of(name), WHEN_NEEDED):
             raise FieldError(name, options[name], remedy)
     if whole_number(max_steps) is None or max_steps < 1:
         raise FieldError("max_steps", max_steps, "must be a whole number, 1 or more.")
-    is_number = isinstance(reward_per_tumour, float) or whole_number(reward_per_tumour) is not None
+    is_number = isinstance(reward_per_tumour, numbers.Real) and not isinstance(reward_per_tumour, bool)
     if not is_number or not math.isfinite(reward_per_tumour):
         raise FieldError("reward_per_tumour", reward_per_tumour, "must be a finite number.")
 

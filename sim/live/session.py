@@ -30,6 +30,7 @@ from mapping import (
     settle,
     teach,
 )
+from mapping.likelihood import evidence_of
 from mapping.threads import one_blas_thread
 from planner import Planner, Situation
 from sim.episode.planned.checks import checked_confidence, checked_poses, checked_prediction, checked_worth
@@ -252,6 +253,11 @@ class Session:
                 "unusable", "the reading holds no point in the organ, so that it tells nothing"
             )
         _check_finite(("points", reading.points_m), ("pose", reading.T_world_probe))
+        try:
+            # Rates do not matter to whether what is told is of use.
+            evidence_of(reading.is_occupied.astype(float), (0.0, 0.0), reading.log_odds, reading.weight)
+        except ValueError as error:
+            raise RefusedError("malformed", f"the reading cannot be learnt from ({error})") from error
         T, workspace = reading.T_world_probe, self.organ.workspace
         distance_m = np.linalg.norm(workspace.positions_m - T[:3, 3], axis=1)
         nearest = int(np.argmin(distance_m))

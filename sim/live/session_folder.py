@@ -20,7 +20,7 @@ from mapping import Prediction
 from sim.episode.planned.planned_organ import PlannedOrgan
 from sim.errors import UsageError, other_input, other_values
 from sim.record.locked_folder import LockedFolder
-from sim.record.ownership import MANIFEST
+from sim.record.ownership import LOCK, MANIFEST
 from sim.record.run_folder import describe_machine
 
 from .event import Event
@@ -28,6 +28,8 @@ from .event import Event
 MARKER = "session.json"
 """What the session is of, by which its folder is known."""
 EVENTS = "events"
+ADDED = ("simulate", "inputs")
+"""Parts of a session's identity that older versions did not write."""
 MAP = "map.npz"
 """The present map on its lattice, NaN outside the organ, as a run's folder has it."""
 
@@ -58,11 +60,12 @@ class SessionFolder(LockedFolder):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close it; a session that failed before anything was kept leaves no folder of it."""
-        if self._is_new and isinstance(error, Exception):
-            with suppress(OSError):
-                # Fails, and leaves all as it is, where there is an event.
-                (self.path / EVENTS).rmdir()
-                (self.path / MARKER).unlink()
+        with suppress(OSError):
+            if self._is_new and isinstance(error, Exception):
+                (self.path / EVENTS).rmdir()  # fails, and leaves all as it is, where there is an event
+                for name in (MARKER, LOCK):
+                    (self.path / name).unlink()
+                self.path.rmdir()
         super().__exit__(kind, error, trace)
 
     def _begin(self, identity: Any) -> None:
@@ -76,7 +79,10 @@ class SessionFolder(LockedFolder):
             _write(marker, (json.dumps(content, indent=2) + "\n").encode())
             return
         try:
-            known = dict(json.loads(marker.read_text(encoding="utf-8"))["identity"])
+            content = json.loads(marker.read_text(encoding="utf-8"))
+            # Sessions of older versions do not say what came later.
+            known = {name: identity[name] for name in ADDED if name in identity} | content["identity"]
+            content["identity"] = dict(known)
             other = other_input(known.pop("inputs", {}), identity.pop("inputs", {}))
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise UsageError(f"{marker}: cannot be read ({error}). Choose another `out`.") from error
@@ -90,6 +96,7 @@ class SessionFolder(LockedFolder):
                 f"{self.path}: holds a session that began with other values of {changed}. Give the same "
                 "options to go on with it, or choose another `out`."
             )
+        _write(marker, (json.dumps(content, indent=2) + "\n").encode())
 
     @contextmanager
     def appending(self, event: Event) -> Iterator[None]:

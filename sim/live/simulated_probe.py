@@ -9,6 +9,7 @@ from time import time
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.episode.planned.checks import checked_reading
 from sim.episode.setup import Setup
 from sim.episode.truth import make_truth
 from sim.world.motion.settings import MotionSettings
@@ -46,15 +47,18 @@ class SimulatedProbe:
         self.data = self.truth.scene.new_data()
         """The state of the scene, which whoever carries the probe may change."""
         self._state, self._seed = SceneState(self.truth.scene, self.data), seed
+        self.error: Exception | None = None
+        """Why the flight ended; None where nothing went wrong."""
 
     def sense(self, T_world_probe: NDArray[np.float64]) -> Reading:
         """What the sensor reads with the tip at a pose, shape (4, 4) [m]."""
         self._setup.positioner.shift(self.data, T_world_probe)
-        return self._sensor.sense(self._state, self._rng)
+        return checked_reading(self._sensor, self._state, self._rng)
 
     def sense_here(self, action: int) -> Reading:
         """What the sensor reads where the tip of `data` is; its stream is that of the action, whatever came before."""
-        return self._sensor.sense(self._state, np.random.default_rng((self._seed, SENSOR_STREAM, action)))
+        rng = np.random.default_rng((self._seed, SENSOR_STREAM, action))
+        return checked_reading(self._sensor, self._state, rng)
 
     def serve(
         self,
@@ -74,6 +78,22 @@ class SimulatedProbe:
             speed: How many times faster than a real probe it is; 0 jumps and does not wait.
             settings: How fast it moves, and how long it senses.
         """
+        try:
+            self._fly(service, stop, rate_hz=rate_hz, speed=speed, settings=settings)
+        except Exception as error:
+            # Nobody else would hear of a fault in a thread.
+            self.error = error
+            stop.set()
+
+    def _fly(
+        self,
+        service: Service,
+        stop: threading.Event,
+        *,
+        rate_hz: float,
+        speed: float,
+        settings: MotionSettings,
+    ) -> None:
         T_now: NDArray[np.float64] | None = None
         answered: Snapshot | None = None
         while not stop.is_set():

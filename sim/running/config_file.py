@@ -68,9 +68,16 @@ def inputs_of(config: EpisodeConfig) -> dict[str, Any]:
     inputs: dict[str, Any] = {f"scenario {config.scenario}": json.loads(json.dumps(record))}
     files = scenario_of(config).case_files
     for file in (config.arm, config.probe, *(() if files is None else files.paths)):
-        if Path(file).is_file():
-            inputs[f"file {file}"] = hashlib.sha256(Path(file).read_bytes()).hexdigest()
+        for path in (Path(file), *_voxels_beside(Path(file))):
+            if path.is_file():
+                inputs[f"file {path}"] = hashlib.sha256(path.read_bytes()).hexdigest()
     return inputs
+
+
+def _voxels_beside(path: Path) -> list[Path]:
+    """The files that may hold the voxels of a header."""
+    endings = {".hdr": (".img", ".img.gz"), ".nhdr": (".raw", ".raw.gz")}.get(path.suffix.lower(), ())
+    return [path.with_suffix(ending) for ending in endings]
 
 
 def option_words(thing: Any) -> list[str]:

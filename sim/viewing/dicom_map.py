@@ -125,7 +125,8 @@ def dicom_map(
     except (AttributeError, TypeError, ValueError) as error:
         # highdicom's words for a series that lacks what an object of it needs.
         raise UsageError(
-            f"the series cannot be referred to ({type(error).__name__}: {error}). Export it anew from where it is kept."
+            f"{Path(sources[0].filename).parent}: no map can refer to this series ({type(error).__name__}: {error}). "
+            "Export it anew from where it is kept."
         ) from error
 
 

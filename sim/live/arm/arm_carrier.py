@@ -15,7 +15,7 @@ from sim.world.motion.settings import MotionSettings
 from sim.world.sensing.reading import Reading
 
 from ..errors import RefusedError
-from ..reports import SAW_NOTHING, PointsSensed, PoseDeclined, Report, TipMoved
+from ..reports import SAW_NOTHING, PointsSensed, PoseDeclined, TipMoved
 from ..service import Service
 from ..snapshot import Snapshot
 from .controller import ArmController
@@ -60,6 +60,7 @@ class ArmCarrier:
         self.error: Exception | None = None
         """Why the arm was given up; None where it was not."""
         self._answered: tuple[int, int | None] | None = None
+        self._seen: Snapshot | None = None
         self._at: int | None = None  # the pose at which the arm stands until a reading is taken
         self._owed: PoseDeclined | PointsSensed | None = None  # what the service has not taken yet
 
@@ -91,16 +92,35 @@ class ArmCarrier:
         # A reading that was refused leads to a snapshot too, and to no way.
         wanted = None if newest is None else newest.wanted
         if newest is not None and wanted != self._answered:
-            self._answered, self._at, self._owed = wanted, None, None
+            self._answered, self._seen, self._at, self._owed = wanted, newest, None, None
             self._owed = self._answer(newest)
+        elif newest is not None and (refused := self._refused(newest)) is not None:
+            self._seen = newest
+            self._owed = _declined(refused, newest.note)
         else:
             strayed = self._look()
             # A reading that was taken but not yet learnt from was taken before the arm strayed.
             is_taken = newest is not None and len(service.session.sensed) > newest.n_sensed
             if strayed and self._at is not None and not is_taken:
                 self._owed = _declined(self._at, strayed)
-        if self._owed is not None and _is_taken(service, self._owed):
-            self._at, self._owed = None, None
+        if self._owed is not None:
+            self._say(service, self._owed)
+
+    def _refused(self, newest: Snapshot) -> int | None:
+        """The pose of a simulated reading that was refused: a new snapshot wants what was answered; None where none."""
+        is_answered = self._sense is not None and self._owed is None and self._at is None
+        return newest.wanted[1] if is_answered and newest is not self._seen else None
+
+    def _say(self, service: Service, owed: PoseDeclined | PointsSensed) -> None:
+        """Say what is owed: again later where the service has too much to do; what is of no use is a pose declined."""
+        try:
+            service.take(owed)
+        except RefusedError as error:
+            service.refuse(error)
+            if error.kind != "too many" and isinstance(owed, PointsSensed) and self._at is not None:
+                self._owed = _declined(self._at, str(error))
+            return
+        self._at, self._owed = None, None
 
     def _answer(self, seen: Snapshot) -> PoseDeclined | PointsSensed | None:
         """Go to the pose of a snapshot, and sense there where that is simulated; what there is to report of it."""
@@ -153,13 +173,3 @@ class ArmCarrier:
 def _declined(pose: int, reason: str) -> PoseDeclined:
     # No stamp: it is of now, and what clocks of the outside say does not make it old.
     return PoseDeclined(pose_index=pose, reason=reason, stamp_s=None)
-
-
-def _is_taken(service: Service, report: Report) -> bool:
-    """Whether a service takes a report; one that is refused is counted."""
-    try:
-        service.take(report)
-    except RefusedError as error:
-        service.refuse(error)
-        return False
-    return True

@@ -33,6 +33,8 @@ from .carrying import carrier_of, carry, without_tip
 
 if TYPE_CHECKING:
     from sim.episode.setup import Setup
+    from sim.live.arm.arm_carrier import ArmCarrier
+    from sim.live.simulated_probe import SimulatedProbe
 
 NOT_OF_A_SESSION = ("steps", "frames", "report", "keep_images", "rock_views")
 """Fields of an episode that a session has no use for, so that they do not decide whether it goes on."""
@@ -150,13 +152,13 @@ def serve(config: EpisodeConfig, serving: Serving, tell: Callable[[str], None]) 
         tell(
             f"listening at {serving.link.host}:{link.server.port} (OpenIGTLink), written to {serving.folder}"
         )
-        carrier = None
+        carrier: ArmCarrier | SimulatedProbe | None = None
         if setup is not None and controller is not None:
             carrier = carrier_of(parts, setup, controller, simulates=serving.simulates, ros=ros)
             stack.callback(carry(carrier, service, stop, serving.link.rate_hz))
         stack.callback(stop.set)
         if setup is not None and carrier is None:
-            _fly(parts, setup, service, stop, serving)
+            carrier = _flying(parts, setup, service, stop, serving)
         service.run(stop)
         if carrier is not None and carrier.error is not None:
             raise carrier.error
@@ -197,10 +199,10 @@ def _setup_of(parts: EpisodeParts) -> Setup:
     return build_setup(parts.scenario, parts.arm, parts.map_settings, probe=parts.probe)
 
 
-def _fly(
+def _flying(
     parts: EpisodeParts, setup: Setup, service: Service, stop: threading.Event, serving: Serving
-) -> None:
-    """Have a simulated probe fly in a thread of its own."""
+) -> SimulatedProbe:
+    """A simulated probe that flies in a thread of its own."""
     from sim.live.simulated_probe import SimulatedProbe
 
     probe = SimulatedProbe(setup, parts.sensor, seed=parts.seed)
@@ -208,6 +210,7 @@ def _fly(
         probe.sense(service.session.pose_matrix(pose))  # the sensor's stream goes on where it was
     options = {"rate_hz": serving.link.rate_hz, "speed": serving.speed, "settings": parts.motion_settings}
     threading.Thread(target=probe.serve, args=(service, stop), kwargs=options, daemon=True).start()
+    return probe
 
 
 def _line(snapshot: Snapshot) -> str:

@@ -126,6 +126,8 @@ def test_a_planner_that_is_edited_meanwhile_is_no_submission(own_planner, toys, 
         with pytest.raises(UsageError, match=r"slow_planner.py: was changed while the benchmark ran"):
             run_bench("slow_planner:Broken", toys[:1], own_planner / "out", BenchSettings(quick=True))
     assert not (own_planner / "out" / "submission").exists()
+    campaigns = own_planner / "out" / "campaigns"
+    assert [folder.name for folder in campaigns.iterdir()] == [f"{toys[0].name}-set-aside-1"]
     file.write_text(SLOW_PLANNER)
     assert run_bench("slow_planner:Broken", toys[:1], own_planner / "out", BenchSettings(quick=True))
 

@@ -178,7 +178,27 @@ def test_a_port_that_cannot_be_had_leaves_no_session(scenario, tmp_path):
         serving = Serving(folder=tmp_path / "out", link=link, service=ServiceSettings())
         with pytest.raises(UsageError, match="port"):
             serve(config, serving, lambda text: None)
-    assert not (tmp_path / "out" / "session.json").exists()
+    assert not (tmp_path / "out").exists()
+
+
+class Forgets:
+    """A sensor without a reading."""
+
+    def sense(self, state, rng):
+        del state, rng
+
+
+def test_a_simulated_probe_whose_sensor_fails_ends_the_session_with_its_error(scenario, tmp_path):
+    config = config_of(scenario=str(scenario), arm="none", motion="none", sensor=f"{__name__}:Forgets")
+    serving = Serving(
+        folder=tmp_path / "out",
+        link=LinkSettings(port=0),
+        service=ServiceSettings(),
+        simulates=True,
+        speed=0.0,
+    )
+    with pytest.raises(ValueError, match=r"Forgets\.sense returned None"):
+        serve(config, serving, lambda text: None)
 
 
 def test_a_run_is_shown_as_it_happens_and_its_record_stays_the_same(scenario, tmp_path):

@@ -107,6 +107,16 @@ def test_a_reading_that_cannot_be_one_is_refused_and_changes_nothing(organ):
     assert session.readings == []
 
 
+def test_a_reading_that_says_nothing_of_use_of_its_labels_is_refused_and_not_kept(organ, tmp_path):
+    with SessionFolder(tmp_path / "out", {"seed": 1}) as folder:
+        session = Session(organ, make_planner("random"), map_settings=COARSE, folder=folder)
+        T, inside = session.propose().T_world_probe, organ.search_points_m[:5]
+        reading = Reading(inside, np.zeros(5, dtype=bool), T, log_odds=np.full(5, np.nan))
+        with pytest.raises(RefusedError, match="cannot be learnt from"):
+            session.observe(reading)
+        assert not list(folder.events())
+
+
 def test_a_tip_beside_the_proposed_pose_counts_for_it_and_a_tip_elsewhere_for_the_nearest(organ):
     session = Session(organ, make_planner("find-and-outline"), map_settings=COARSE)
     proposal = session.propose()
@@ -178,9 +188,11 @@ def test_a_folder_goes_on_only_with_the_same_options_and_one_process_at_a_time(t
         SessionFolder(tmp_path / "run", identity)
     with pytest.raises(UsageError, match=r"other values of `planner` \(.* then, .* now\)"):
         SessionFolder(tmp_path / "here", {"planner": "greedy-coverage", "seed": 1})
-    SessionFolder(tmp_path / "filed", {"inputs": {"file liver": "a"}}).close()
+    # A session of an older version says nothing of what it was begun with, and learns it.
+    SessionFolder(tmp_path / "filed", {"seed": 1}).close()
+    SessionFolder(tmp_path / "filed", {"seed": 1, "simulate": False, "inputs": {"file liver": "a"}}).close()
     with pytest.raises(UsageError, match="began with another file liver"):
-        SessionFolder(tmp_path / "filed", {"inputs": {"file liver": "b"}})
+        SessionFolder(tmp_path / "filed", {"seed": 1, "simulate": False, "inputs": {"file liver": "b"}})
     SessionFolder(tmp_path / "here", identity).close()
     assert "sounding" in json.loads((tmp_path / "here" / "session.json").read_text())["machine"]
 
@@ -192,7 +204,7 @@ def test_a_session_that_fails_before_anything_was_kept_leaves_no_session(organ, 
             for pose in range(n_declined):
                 session.decline(pose)
             raise OSError
-    SessionFolder(tmp_path / "none", {"seed": 2}).close()
+    assert not (tmp_path / "none").exists()
     with SessionFolder(tmp_path / "some", {"seed": 1}) as folder:
         assert len(list(folder.events())) == 1
 

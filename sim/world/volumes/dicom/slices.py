@@ -13,6 +13,8 @@ MM = 1e-3
 """DICOM's lengths are millimetres, its axes LPS."""
 EVEN, ROUNDED_MM = 0.02, 0.015
 """Share of the spacing by which a slice may lie off its place, and what rounding to hundredths of a millimetre adds."""
+MOST_OFF = 0.1
+"""Share of the spacing by which no slice lies off its place, however fine and however rounded it is."""
 SAME_MM = 1e-3
 """Slices nearer to each other than this lie at one place."""
 PARALLEL = 1e-4
@@ -47,7 +49,8 @@ def stack_of(
         positions_mm: Image Position (Patient) of each slice, the middle of its first pixel, LPS [mm], shape (N, 3).
         orientations: Image Orientation (Patient) of each: the directions along a row and along a column, six numbers.
         pixel_spacing_mm: Pixel Spacing: between rows, and between columns [mm].
-        slice_spacing_mm: Between slices [mm], where slices may be missing; None for the least step that there is.
+        slice_spacing_mm: Spacing Between Slices [mm], which tells of slices that are missing; None, or one at which the
+            slices do not lie, for the least step that there is.
         thickness_mm: Slice Thickness [mm], which stands for the spacing of one slice alone; slices may overlap, or lie
             farther apart than they are thick.
 
@@ -63,7 +66,10 @@ def stack_of(
     order = np.argsort(heights, kind="stable")
     steps = np.diff(heights[order])
     apart = steps[steps > SAME_MM]
-    least = abs(slice_spacing_mm or 0.0) or (float(apart.min()) if len(apart) else abs(thickness_mm or 0.0))
+    told, least = abs(slice_spacing_mm or 0.0), float(apart.min()) if len(apart) else abs(thickness_mm or 0.0)
+    # What is told counts where slices may be missing. Where they do not lie at it, it is a gap or a thickness.
+    if told and (not len(apart) or _are_multiples(apart, told)):
+        least = told
     if not least > 0.0:
         raise ValueError("it has one slice alone, and says nothing of its thickness")
     # Counted from slice to slice, so that what the first step is rounded by does not add up over the stack.
@@ -74,7 +80,7 @@ def stack_of(
     spacing = float(np.ptp(heights)) / n_steps if n_steps else least
     above = heights - heights[lowest]
     aside = places - places[lowest] - above[:, None] * normal
-    most_mm = EVEN * spacing + ROUNDED_MM
+    most_mm = _tolerance_mm(spacing)
     if np.abs(above - spacing * indices).max() > most_mm or np.abs(aside).max() > most_mm:
         raise ValueError("its slices are not evenly spaced")
     T = np.eye(4)
@@ -83,6 +89,17 @@ def stack_of(
     T[:3, 3] = places[lowest]
     T[:3] *= MM
     return Stack(T_lps_voxel=T, indices=indices)
+
+
+def _are_multiples(steps_mm: NDArray[np.float64], spacing_mm: float) -> bool:
+    """Whether steps are as long as one or more spacings."""
+    n = np.rint(steps_mm / spacing_mm)
+    return bool((n >= 1.0).all() and (np.abs(steps_mm - n * spacing_mm) <= _tolerance_mm(spacing_mm)).all())
+
+
+def _tolerance_mm(spacing_mm: float) -> float:
+    """How far a slice may lie off its place [mm]."""
+    return min(EVEN * spacing_mm + ROUNDED_MM, MOST_OFF * spacing_mm)
 
 
 def stack_of_files(slices: Sequence[Any]) -> Stack:

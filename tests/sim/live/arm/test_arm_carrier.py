@@ -60,6 +60,16 @@ class Taker:
         return [report for report in self.reports if isinstance(report, kind)]
 
 
+class Refuser(Taker):
+    """A service whose session refuses each reading, and says so with a snapshot that wants the same."""
+
+    def take(self, report):
+        super().take(report)
+        if isinstance(report, PointsSensed):
+            said = vars(self.published) | {"note": "refused (unusable): no point"}
+            self.published = SimpleNamespace(**said)
+
+
 class Ticks(threading.Event):
     """A stop that is set after so many waits, none of which takes time."""
 
@@ -117,6 +127,30 @@ def test_a_pose_whose_reading_was_taken_is_not_declined(carrier) -> None:
     one._motion.strayed = ["It was pushed."]
     one.serve(service, Ticks(4), rate_hz=10.0)
     assert service.of(PoseDeclined) == []
+
+
+def test_a_pose_whose_simulated_reading_is_refused_is_declined_once(carrier) -> None:
+    one, service = carrier(read), Refuser()
+    one.serve(service, Ticks(8), rate_hz=10.0)
+    assert len(service.of(PointsSensed)) == 1
+    assert [(each.pose_index, each.reason) for each in service.of(PoseDeclined)] == [
+        (POSE, "refused (unusable): no point")
+    ]
+
+
+def test_a_pose_whose_reading_cannot_be_taken_is_declined_and_not_said_for_ever(carrier) -> None:
+    one, service = carrier(read), Taker()
+    refusals = [RefusedError("wrong frame", "a place is 3 m from the organ")]
+
+    def take(report):
+        if refusals:
+            raise refusals.pop()
+        service.reports.append(report)
+
+    service.take = take
+    one.serve(service, Ticks(8), rate_hz=10.0)
+    assert service.of(PointsSensed) == []
+    assert [each.reason for each in service.of(PoseDeclined)] == ["a place is 3 m from the organ"]
 
 
 def test_nothing_is_sensed_where_the_arm_was_pushed_off(carrier) -> None:

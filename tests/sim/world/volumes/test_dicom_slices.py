@@ -52,7 +52,12 @@ def test_a_thickness_is_no_spacing_but_of_one_slice_alone():
 
 
 @pytest.mark.parametrize(
-    "heights_mm", [[0.0, 1.0, 2.0, 3.3], [0.0, 1.0, 1.5, 2.0, 3.7], [0.0, 1.0, 2.0, 2.4, 3.0]]
+    "heights_mm",
+    [
+        [0.0, 1.0, 2.0, 3.3],
+        [0.0, 1.0, 1.5, 2.0, 3.7],
+        [0.0, 1.0, 2.0, 2.4, 3.0],
+    ],
 )
 def test_uneven_slices_are_refused(heights_mm):
     places, directions = slices_at(heights_mm)
@@ -60,7 +65,9 @@ def test_uneven_slices_are_refused(heights_mm):
         stack_of(places, directions, [1.0, 1.0])
 
 
-def test_slices_of_a_spacing_that_is_told_wrongly_are_refused():
-    places, directions = slices_at(1.5 * np.arange(20))
-    with pytest.raises(ValueError, match="not evenly spaced"):
-        stack_of(places, directions, [1.0, 1.0], slice_spacing_mm=3.5)
+@pytest.mark.parametrize(("true_mm", "told_mm"), [(1.5, 3.5), (3.0, 2.0), (2.5, 1.0), (5.6, 0.6), (1.5, 1.0)])
+def test_where_slices_do_not_lie_at_the_spacing_that_is_told_their_positions_count(true_mm, told_mm):
+    places, directions = slices_at(true_mm * np.arange(20))
+    stack = stack_of(places, directions, [1.0, 1.0], slice_spacing_mm=told_mm)
+    assert stack.n_slices == 20
+    assert 1e3 * stack.T_lps_voxel[2, 2] == pytest.approx(true_mm)

@@ -9,17 +9,19 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sim.episode.scenario import SCENARIOS
 from sim.episode.scenario_file import load_scenario, scenario_record
-from sim.episode.setup import Setup
 
 from .config import EpisodeConfig
 from .fields import OPTIONS_OF, recorded
 from .parts import EpisodeParts, scenario_of
+
+if TYPE_CHECKING:
+    from sim.episode.setup import Setup
 
 
 def run_config(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -58,8 +60,16 @@ class BenchFolder(LockedFolder):
         """The folder of a task's campaign."""
         return self.path / "campaigns" / task
 
-    def set_aside(self, task: str) -> None:
-        """Keep a task's campaign under another name, so that the task is run anew."""
+    @contextmanager
+    def set_aside_on_error(self, task: str) -> Iterator[None]:
+        """A context whose error has a task's campaign kept under another name, so that the task is run anew."""
+        try:
+            yield
+        except UsageError:
+            self._set_aside(task)
+            raise
+
+    def _set_aside(self, task: str) -> None:
         folder, n = self.campaign(task), 1
         while (aside := folder.with_name(f"{task}-set-aside-{n}")).exists():
             n += 1

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from sim.campaign.campaign import run_trials
-from sim.errors import UsageError
 from sim.notices import Notify, print_notice
 
 from .bench_folder import BenchFolder
@@ -65,11 +64,8 @@ def run_bench(
             print(f"task {number} of {len(tasks)}", file=sys.stderr)
             campaign = folder.campaign(task.name)
             done = run_trials(study, campaign, jobs=settings.n_jobs, retry_failed=True, notify=notify)
-            try:
+            with folder.set_aside_on_error(task.name):
                 entrant.source_bytes()
-            except UsageError:
-                folder.set_aside(task.name)
-                raise
             if done.is_interrupted:
                 return None
             records = trial_records(task, campaign, seeds, is_hidden=committed is not None)

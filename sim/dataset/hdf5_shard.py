@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -45,10 +46,9 @@ def n_episodes(folder: Path, shard: int) -> int:
         return 0
 
 
-def shards_in(folder: Path) -> list[int]:
-    """The numbers of the shards that lie in a folder, whole or not."""
-    files = folder.glob("shard-*.h5")
-    return [int(file.stem[6:]) for file in files if file.stem[6:].isdecimal()]
+def last_files(folder: Path) -> Iterable[Path]:
+    """The file of each shard in a folder that is written last, whole or not."""
+    return folder.glob("shard-*.h5")
 
 
 class Hdf5Shard:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -70,10 +71,9 @@ def n_episodes(folder: Path, shard: int) -> int:
         return 0
 
 
-def shards_in(folder: Path) -> list[int]:
-    """The numbers of the shards that lie in a folder, whole or not."""
-    files = (folder / "episodes").glob("shard-*.parquet")
-    return [int(file.stem[6:]) for file in files if file.stem[6:].isdecimal()]
+def last_files(folder: Path) -> Iterable[Path]:
+    """The file of each shard in a folder that is written last, whole or not."""
+    return (folder / "episodes").glob("shard-*.parquet")
 
 
 class ParquetShard:

@@ -46,7 +46,8 @@ class DatasetPlan:
     def n_beyond(self) -> int:
         """How many episodes the folder holds that the plan does not have."""
         folder, n_more = self.shards_folder, 0
-        for shard in self._kind.shards_in(folder):
+        names = [file.stem.removeprefix("shard-") for file in self._kind.last_files(folder)]
+        for shard in (int(name) for name in names if name.isdecimal()):
             n, n_planned = self._kind.n_episodes(folder, shard), len(self.members(shard))
             # A damaged shard that the plan has not would stay as it is.
             n_more += max(n - n_planned, 0) if n_planned else max(n, 1)

@@ -102,9 +102,14 @@ class Session:
         """The poses of all that was kept, sensed or declined, in order."""
         self.prediction: Prediction = self._predicted()
         self._proposal: Proposal | None = None
-        self._folder, self.n_kept = folder, 0
+        self._folder = folder
         for event in folder.events() if folder is not None else ():
             self._repeat(event)
+
+    @property
+    def n_kept(self) -> int:
+        """How many events it has taken in, of earlier processes too."""
+        return len(self.poses)
 
     @one_blas_thread()
     def propose(self, tell_pose: Callable[[NDArray[np.float64]], None] = lambda T: None) -> Proposal:
@@ -216,7 +221,6 @@ class Session:
         """Keep an event on disk, and learn from it meanwhile; both are done when this returns."""
         with nullcontext() if self._folder is None else self._folder.appending(event):
             self._take(event)
-        self.n_kept += 1
         if self._folder is not None:
             self._folder.write_map(self.organ, self.prediction)
 
@@ -228,7 +232,6 @@ class Session:
             self.propose()
             self._rng.bit_generator.state = event.rng_state
         self._take(event)
-        self.n_kept += 1
 
     def _take(self, event: Event) -> None:
         self._proposal = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import dataclass
 from time import time
 
 import numpy as np
@@ -25,6 +26,35 @@ TRUTH_STREAM, SENSOR_STREAM = 0, 1
 """Which of the streams that an episode spawns from its seed are the truth's and the sensor's."""
 LIFT_M = 0.03
 """How far the tip is lifted off the organ on its way [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """How a simulated probe flies."""
+
+    rate_hz: float
+    """How often the tip's pose is reported [Hz]."""
+    speed: float
+    """How many times faster than a real probe it is; 0 jumps and does not wait."""
+    settings: MotionSettings
+    """How fast a real probe moves, and how long it senses."""
+
+    def way(
+        self, T_start: NDArray[np.float64] | None, T_end: NDArray[np.float64]
+    ) -> Iterator[NDArray[np.float64]]:
+        """Poses of the tip on its way: off the organ, over, and down on it; the last is the end."""
+        if T_start is not None and self.speed > 0.0:
+            off, over = _lifted(T_start), _lifted(T_end)
+            legs = ((T_start, off), (off, over), (over, T_end))
+            approach_m_s, tip_m_s = self.settings.approach_speed_m_s, self.settings.tip_speed_m_s
+            for (T_a, T_b), speed_m_s in zip(legs, (approach_m_s, tip_m_s, approach_m_s), strict=True):
+                length_m = float(np.linalg.norm(T_b[:3, 3] - T_a[:3, 3]))
+                n = max(1, int(length_m / (speed_m_s * self.speed) * self.rate_hz))
+                for i in range(n):
+                    T = (T_b if i > n / 2 else T_a).copy()
+                    T[:3, 3] = T_a[:3, 3] + (T_b[:3, 3] - T_a[:3, 3]) * (i / n)
+                    yield T
+        yield T_end
 
 
 class SimulatedProbe:
@@ -60,40 +90,22 @@ class SimulatedProbe:
         rng = np.random.default_rng((self._seed, SENSOR_STREAM, action))
         return checked_reading(self._sensor, self._state, rng)
 
-    def serve(
-        self,
-        service: Service,
-        stop: threading.Event,
-        *,
-        rate_hz: float,
-        speed: float,
-        settings: MotionSettings,
-    ) -> None:
+    def serve(self, service: Service, stop: threading.Event, flight: Flight) -> None:
         """Fly to what a service proposes and report what is sensed there, until it advises to end or `stop` is set.
 
         Args:
             service: Proposes, and gets the reports.
-            stop: Ends the flight.
-            rate_hz: How often the tip's pose is reported [Hz].
-            speed: How many times faster than a real probe it is; 0 jumps and does not wait.
-            settings: How fast it moves, and how long it senses.
+            stop: Ends the flight; it is set where something goes wrong.
+            flight: How it flies.
         """
         try:
-            self._fly(service, stop, rate_hz=rate_hz, speed=speed, settings=settings)
+            self._fly(service, stop, flight)
         except Exception as error:
             # Nobody else would hear of a fault in a thread.
             self.error = error
             stop.set()
 
-    def _fly(
-        self,
-        service: Service,
-        stop: threading.Event,
-        *,
-        rate_hz: float,
-        speed: float,
-        settings: MotionSettings,
-    ) -> None:
+    def _fly(self, service: Service, stop: threading.Event, flight: Flight) -> None:
         T_now: NDArray[np.float64] | None = None
         answered: Snapshot | None = None
         while not stop.is_set():
@@ -109,12 +121,12 @@ class SimulatedProbe:
             if is_refused:
                 service.submit(PoseDeclined(pose_index=pose, reason=seen.note, stamp_s=None))
                 continue
-            for T in _way(T_now, T_next, settings, rate_hz=rate_hz, speed=speed):
+            for T in flight.way(T_now, T_next):
                 service.submit(TipMoved(T_world_probe=T, stamp_s=time()))
-                if speed > 0.0 and stop.wait(1.0 / rate_hz):
+                if flight.speed > 0.0 and stop.wait(1.0 / flight.rate_hz):
                     return
             T_now, reading = T_next, self.sense(T_next)
-            if speed > 0.0 and stop.wait(settings.sensing_s / speed):
+            if flight.speed > 0.0 and stop.wait(flight.settings.sensing_s / flight.speed):
                 return
             # Without stamps: these are of now, and no clock of the outside makes them old.
             service.submit(TipMoved(T_world_probe=T_next, stamp_s=None))
@@ -132,29 +144,6 @@ def _report(service: Service, reading: Reading, pose: int) -> None:
             service.refuse(error)
             reason = str(error)
     service.submit(PoseDeclined(pose_index=pose, reason=reason, stamp_s=None))
-
-
-def _way(
-    T_start: NDArray[np.float64] | None,
-    T_end: NDArray[np.float64],
-    settings: MotionSettings,
-    *,
-    rate_hz: float,
-    speed: float,
-) -> Iterator[NDArray[np.float64]]:
-    """Poses of the tip on its way: off the organ, over, and down on it; the last is the end."""
-    if T_start is not None and speed > 0.0:
-        off, over = _lifted(T_start), _lifted(T_end)
-        legs = ((T_start, off), (off, over), (over, T_end))
-        speeds_m_s = (settings.approach_speed_m_s, settings.tip_speed_m_s, settings.approach_speed_m_s)
-        for (T_a, T_b), speed_m_s in zip(legs, speeds_m_s, strict=True):
-            length_m = float(np.linalg.norm(T_b[:3, 3] - T_a[:3, 3]))
-            n = max(1, int(length_m / (speed_m_s * speed) * rate_hz))
-            for i in range(n):
-                T = (T_b if i > n / 2 else T_a).copy()
-                T[:3, 3] = T_a[:3, 3] + (T_b[:3, 3] - T_a[:3, 3]) * (i / n)
-                yield T
-    yield T_end
 
 
 def _lifted(T: NDArray[np.float64]) -> NDArray[np.float64]:

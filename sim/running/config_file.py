@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.episode.scenario import SCENARIOS
 from sim.episode.scenario_file import load_scenario, scenario_record
+from sim.world.volumes.files import files_of
 
 from .config import EpisodeConfig
 from .fields import OPTIONS_OF, recorded
@@ -69,17 +70,11 @@ def inputs_of(config: EpisodeConfig) -> dict[str, Any]:
     record = scenario_record(load_scenario(config.scenario))
     inputs: dict[str, Any] = {f"scenario {config.scenario}": json.loads(json.dumps(record))}
     files = scenario_of(config).case_files
-    for file in (config.arm, config.probe, *(() if files is None else files.paths)):
-        for path in (Path(file), *_voxels_beside(Path(file))):
-            if path.is_file():
-                inputs[f"file {path}"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    for name in (config.arm, config.probe, *(() if files is None else files.paths)):
+        for file in files_of(Path(name)):
+            if file.is_file():
+                inputs[f"file {file}"] = hashlib.sha256(file.read_bytes()).hexdigest()
     return inputs
-
-
-def _voxels_beside(path: Path) -> list[Path]:
-    """The files that may hold the voxels of a header."""
-    endings = {".hdr": (".img", ".img.gz"), ".nhdr": (".raw", ".raw.gz")}.get(path.suffix.lower(), ())
-    return [path.with_suffix(ending) for ending in endings]
 
 
 def option_words(thing: Any) -> list[str]:

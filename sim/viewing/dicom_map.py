@@ -79,17 +79,26 @@ def read_series(folder: Path) -> Series:
     if len(set(stack.indices.tolist())) != len(found) or stack.n_slices != len(found):
         raise UsageError(f"{folder}: slices are missing, or there are several at one place.")
     for ds in found:
-        if missing := [name for name in DEMANDED if not ds.get(name)]:
-            raise UsageError(
-                f"{ds.filename}: lacks {', '.join(missing)}, so that no map can refer to it. Export the series anew "
-                "from where it is kept."
-            )
-        for name in MAY_BE_EMPTY:
-            if name not in ds:
-                setattr(ds, name, "")
+        _complete(ds)
     ordered = tuple(found[i] for i in np.argsort(stack.indices))
     shape = (int(found[0].Columns), int(found[0].Rows), len(found))
     return Series(slices=ordered, grid=ScanGrid(shape=shape, T_lps_voxel=stack.T_lps_voxel))
+
+
+def _complete(ds: Any) -> None:
+    """Put in what a slice may leave empty, so that objects can be made from it.
+
+    Raises:
+        UsageError: It lacks more than that.
+    """
+    if missing := [name for name in DEMANDED if not ds.get(name)]:
+        raise UsageError(
+            f"{ds.filename}: lacks {', '.join(missing)}, so that no map can refer to it. Export the series anew from "
+            "where it is kept."
+        )
+    for name in MAY_BE_EMPTY:
+        if name not in ds:
+            setattr(ds, name, "")
 
 
 def dicom_map(

@@ -59,8 +59,7 @@ class ArmCarrier:
         self._motion.begin(data)
         self.error: Exception | None = None
         """Why the arm was given up; None where it was not."""
-        self._answered: tuple[int, int | None] | None = None
-        self._seen: Snapshot | None = None
+        self._answered: Snapshot | None = None
         self._at: int | None = None  # the pose at which the arm stands until a reading is taken
         self._owed: PoseDeclined | PointsSensed | None = None  # what the service has not taken yet
 
@@ -90,13 +89,11 @@ class ArmCarrier:
         """Do what the newest snapshot asks for, or see where the arm stands; and say what the service did not take."""
         newest = service.published
         # A reading that was refused leads to a snapshot too, and to no way.
-        wanted = None if newest is None else newest.wanted
-        if newest is not None and wanted != self._answered:
-            self._answered, self._seen, self._at, self._owed = wanted, newest, None, None
+        if newest is not None and (self._answered is None or newest.wanted != self._answered.wanted):
+            self._answered, self._at, self._owed = newest, None, None
             self._owed = self._answer(newest)
         elif newest is not None and (refused := self._refused(newest)) is not None:
-            self._seen = newest
-            self._owed = _declined(refused, newest.note)
+            self._answered, self._owed = newest, _declined(refused, newest.note)
         else:
             strayed = self._look()
             # A reading that was taken but not yet learnt from was taken before the arm strayed.
@@ -109,7 +106,7 @@ class ArmCarrier:
     def _refused(self, newest: Snapshot) -> int | None:
         """The pose of a simulated reading that was refused: a new snapshot wants what was answered; None where none."""
         is_answered = self._sense is not None and self._owed is None and self._at is None
-        return newest.wanted[1] if is_answered and newest is not self._seen else None
+        return newest.wanted[1] if is_answered and newest is not self._answered else None
 
     def _say(self, service: Service, owed: PoseDeclined | PointsSensed) -> None:
         """Say what is owed: again later where the service has too much to do; what is of no use is a pose declined."""

@@ -203,13 +203,13 @@ def _flying(
     parts: EpisodeParts, setup: Setup, service: Service, stop: threading.Event, serving: Serving
 ) -> SimulatedProbe:
     """A simulated probe that flies in a thread of its own."""
-    from sim.live.simulated_probe import SimulatedProbe
+    from sim.live.simulated_probe import Flight, SimulatedProbe
 
     probe = SimulatedProbe(setup, parts.sensor, seed=parts.seed)
     for pose in service.session.poses:
         probe.sense(service.session.pose_matrix(pose))  # the sensor's stream goes on where it was
-    options = {"rate_hz": serving.link.rate_hz, "speed": serving.speed, "settings": parts.motion_settings}
-    threading.Thread(target=probe.serve, args=(service, stop), kwargs=options, daemon=True).start()
+    flight = Flight(rate_hz=serving.link.rate_hz, speed=serving.speed, settings=parts.motion_settings)
+    threading.Thread(target=probe.serve, args=(service, stop, flight), daemon=True).start()
     return probe
 
 

@@ -71,6 +71,27 @@ def is_volume(path: str | Path) -> bool:
     return str(path).lower().endswith((*SUFFIXES, *UNREAD)) or is_dicom(Path(path))
 
 
+def files_of(path: Path) -> tuple[Path, ...]:
+    """The files that a body is read from: that which is named, and one beside it that holds a header's voxels.
+
+    Raises:
+        VolumeError: The header cannot be read, or the other file is not there.
+    """
+    ending = path.suffix.lower()
+    if not path.is_file() or ending not in (".hdr", ".img", ".nhdr"):
+        return (path,)
+    try:
+        if ending == ".nhdr":
+            from .nrrd_files import voxel_file
+
+            return path, voxel_file(path)
+        from .nifti_files import pair_of
+
+        return pair_of(path)
+    except reader_errors() as error:
+        raise _unreadable(path, error) from error
+
+
 def is_dicom(path: Path) -> bool:
     """Whether a path is that of a DICOM file, or of a folder of some."""
     if path.is_dir():

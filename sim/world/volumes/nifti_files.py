@@ -47,7 +47,7 @@ def read_nifti(path: Path) -> Grid:
     Raises:
         ValueError: The first bytes are not those of a NIfTI header. nibabel raises errors of its own on others.
     """
-    head, data = _pair(path)
+    head, data = pair_of(path)
     with opened(head) as file:
         header = _header_class(file, is_pair=head != data).from_fileobj(file)
     affine = np.asarray(header.get_best_affine(), dtype=np.float64)
@@ -106,7 +106,7 @@ def opened(path: Path) -> BinaryIO:
     return cast(BinaryIO, gzip.open(path)) if is_gzipped(path) else path.open("rb")
 
 
-def _pair(path: Path) -> tuple[Path, Path]:
+def pair_of(path: Path) -> tuple[Path, Path]:
     """The file of the header and that of the voxels, which are one but for .hdr and .img.
 
     Raises:

@@ -209,14 +209,8 @@ def _payload(path: Path, header: dict[str, Any], start: int, n_bytes: int) -> by
     skips = [int(header.get(key, header.get(key.replace(" ", ""), 0))) for key in ("line skip", "byte skip")]
     if skips != [0, 0]:
         raise ValueError("its voxels are preceded by lines or bytes to skip; save it with an attached header")
-    detached = header.get("data file", header.get("datafile"))
-    if detached is not None:
-        name = Path(str(detached))
-        if name.is_absolute() or len(name.parts) != 1 or "%" in name.name or name.name == "LIST":
-            raise ValueError(
-                f"its voxels are in {str(detached)[:60]!r}; keep header and one data file together"
-            )
-        path, start = path.parent / name, 0
+    if (detached := _detached(path, header)) is not None:
+        path, start = detached, 0
     encoding = str(header["encoding"]).lower()
     with path.open("rb") as file:
         file.seek(start)
@@ -227,6 +221,28 @@ def _payload(path: Path, header: dict[str, Any], start: int, n_bytes: int) -> by
         if encoding in ("bzip2", "bz2"):
             return _unpack(file, bz2.BZ2Decompressor(), n_bytes)
     raise ValueError(f"encoding {encoding[:20]!r} is not read; save it as raw or gzip")
+
+
+def voxel_file(path: Path) -> Path:
+    """The file that holds the voxels: the header's own, or another beside it.
+
+    Raises:
+        ValueError: They are spread over several files, or lie elsewhere. pynrrd raises errors of its own on others.
+    """
+    with path.open("rb") as file:
+        header = nrrd.read_header(_header_lines(file))
+    return _detached(path, header) or path
+
+
+def _detached(path: Path, header: dict[str, Any]) -> Path | None:
+    """The file beside the header that holds the voxels; None where they follow it."""
+    detached = header.get("data file", header.get("datafile"))
+    if detached is None:
+        return None
+    name = Path(str(detached))
+    if name.is_absolute() or len(name.parts) != 1 or "%" in name.name or name.name == "LIST":
+        raise ValueError(f"its voxels are in {str(detached)[:60]!r}; keep header and one data file together")
+    return path.parent / name
 
 
 def _unpack(file: BinaryIO, packed: Any, n_bytes: int) -> bytearray:

@@ -63,21 +63,8 @@ def stack_of(
         raise ValueError("its slices are not parallel, or their axes not at right angles")
     normal, places = np.cross(along_row, along_column), np.asarray(positions_mm, dtype=np.float64)
     heights = places @ normal
-    order = np.argsort(heights, kind="stable")
-    steps = np.diff(heights[order])
-    apart = steps[steps > SAME_MM]
-    told, least = abs(slice_spacing_mm or 0.0), float(apart.min()) if len(apart) else abs(thickness_mm or 0.0)
-    # What is told counts where slices may be missing. Where they do not lie at it, it is a gap or a thickness.
-    if told and (not len(apart) or _are_multiples(apart, told)):
-        least = told
-    if not least > 0.0:
-        raise ValueError("it has one slice alone, and says nothing of its thickness")
-    # Counted from slice to slice, so that what the first step is rounded by does not add up over the stack.
-    counted = np.where(steps > SAME_MM, np.rint(steps / least), 0.0)
-    indices = np.empty(len(heights), dtype=np.intp)
-    indices[order] = np.concatenate([[0.0], np.cumsum(counted)])
-    lowest, n_steps = order[0], int(indices.max())
-    spacing = float(np.ptp(heights)) / n_steps if n_steps else least
+    indices, spacing = _counted(heights, abs(slice_spacing_mm or 0.0), abs(thickness_mm or 0.0))
+    lowest = int(np.argmin(heights))
     above = heights - heights[lowest]
     aside = places - places[lowest] - above[:, None] * normal
     most_mm = _tolerance_mm(spacing)
@@ -89,6 +76,31 @@ def stack_of(
     T[:3, 3] = places[lowest]
     T[:3] *= MM
     return Stack(T_lps_voxel=T, indices=indices)
+
+
+def _counted(
+    heights_mm: NDArray[np.float64], told_mm: float, thickness_mm: float
+) -> tuple[NDArray[np.intp], float]:
+    """The index of each slice along the stack by its height, and the spacing [mm]; 0 stands for nothing told.
+
+    Raises:
+        ValueError: There is one slice alone, and no thickness.
+    """
+    order = np.argsort(heights_mm, kind="stable")
+    steps = np.diff(heights_mm[order])
+    apart = steps[steps > SAME_MM]
+    least = float(apart.min()) if len(apart) else thickness_mm
+    # What is told counts where slices may be missing. Where they do not lie at it, it is a gap or a thickness.
+    if told_mm and (not len(apart) or _are_multiples(apart, told_mm)):
+        least = told_mm
+    if not least > 0.0:
+        raise ValueError("it has one slice alone, and says nothing of its thickness")
+    # Counted from slice to slice, so that what the first step is rounded by does not add up over the stack.
+    counted = np.where(steps > SAME_MM, np.rint(steps / least), 0.0)
+    indices = np.empty(len(heights_mm), dtype=np.intp)
+    indices[order] = np.concatenate([[0.0], np.cumsum(counted)])
+    n_steps = int(indices.max())
+    return indices, float(np.ptp(heights_mm)) / n_steps if n_steps else least
 
 
 def _are_multiples(steps_mm: NDArray[np.float64], spacing_mm: float) -> bool:

@@ -2,6 +2,7 @@
 
 import gzip
 import shutil
+from pathlib import Path
 
 import nibabel
 import numpy as np
@@ -11,7 +12,7 @@ from scanned_ball import assert_is_the_ball, ball_labels, default_file, grid, lo
 
 from sim.world.errors import MeshError, VolumeError
 from sim.world.meshes.meshes import load_mesh
-from sim.world.volumes.files import load_volume
+from sim.world.volumes.files import files_of, load_volume
 
 RAS_FROM_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
 
@@ -118,3 +119,20 @@ def test_an_absent_file_is_absent(tmp_path):
     for name in ("other.nii", "other.mha", "other.dcm", "other"):
         with pytest.raises((VolumeError, MeshError), match="no such file"):
             load(tmp_path / name)
+
+
+def test_a_body_is_read_from_the_file_that_is_named_and_from_its_voxels_beside_it(tmp_path):
+    head, data = tmp_path / "seg.nhdr", tmp_path / "voxels.raw"
+    head.write_bytes(
+        b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: voxels.raw\n\n"
+    )
+    data.write_bytes(bytes(8))
+    assert files_of(head) == (head, data)
+    pair = tmp_path / "old.hdr", tmp_path / "old.img"
+    for file in pair:
+        file.touch()
+    assert [files_of(file) for file in pair] == [pair, pair]
+    assert files_of(Path("default")) == (Path("default"),)
+    head.write_bytes(b"no header")
+    with pytest.raises(VolumeError, match=r"seg\.nhdr: cannot be read as NRRD"):
+        files_of(head)

@@ -104,6 +104,8 @@ class DetailSettings:
     stray_m: float = 0.0
     """How far the outline that a view draws strays from the true one [m], a standard deviation; of readings only whose
     labels err together."""
+    cell_m: float = 0.0
+    """Places in one cube of this side [m] are answered for by the labels nearest to its centre; 0 for each its own."""
 
     @classmethod
     def of_many_labels(cls) -> DetailSettings:
@@ -112,7 +114,7 @@ class DetailSettings:
         Both numbers for outlines were chosen on seeds from 1000 on (docs/map.md): rims that views draw apart are less
         sure than a classifier takes them for that believes the labels of different views to err independently.
         """
-        return cls(n_neighbours=48, cube_m=0.001, stray_m=0.001, sharpness=3.5)
+        return cls(n_neighbours=48, cube_m=0.001, stray_m=0.001, sharpness=3.5, cell_m=0.0045)
 
     def at_uncertain_places(self, deviation_m: float) -> DetailSettings:
         """The settings for labels that lie off by a Gaussian shift along the surface.
@@ -141,8 +143,9 @@ class DetailSettings:
         for name in ("prior_mean", "bias"):
             if not np.isfinite(getattr(self, name)):
                 raise ValueError(f"`{name}` must be finite, not {getattr(self, name)}")
-        if not 0.0 <= self.stray_m < np.inf:
-            raise ValueError(f"`stray_m` must be 0 or more and finite, not {self.stray_m}")
+        for name in ("stray_m", "cell_m"):
+            if not 0.0 <= getattr(self, name) < np.inf:
+                raise ValueError(f"`{name}` must be 0 or more and finite, not {getattr(self, name)}")
         if not (isinstance(self.n_neighbours, int) and 1 <= self.n_neighbours <= 200):
             raise ValueError(f"`n_neighbours` must be a whole number from 1 to 200, not {self.n_neighbours}")
         if not 0.0 <= self.doubt < 1.0:

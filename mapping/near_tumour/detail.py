@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from ..labelled_points import LabelledPoints
 from ..settings import DetailSettings, MapSettings
 from .label_memory import LabelMemory
-from .local_classifier import classify
+from .local_classifier import classify, classify_together
 
 _FAR = 3.0
 """Beyond this many times `doubt_m` the doubt has its full share to a ten-thousandth, and distances need no measure."""
@@ -49,6 +49,7 @@ class Detail:
         """
         self._places_m, self._settings = places_m, settings
         self._rates = (map_settings.false_positive_rate, map_settings.false_negative_rate)
+        self._asked_m = _centres_m(places_m, settings.cell_m)
         self._place_tree: KDTree | None = None
         self._forget()
 
@@ -78,7 +79,7 @@ class Detail:
         is_answered = self._is_near & ~self._is_stale
         if len(entered_m) and is_answered.any():
             farthest_m = float(self._last_neighbour_m[is_answered].max())
-            places, gap_m = self._within(entered_m, farthest_m)
+            places, gap_m = _within(self._asked_m, entered_m, farthest_m)
             is_changed = is_answered[places] & (gap_m < self._last_neighbour_m[places])
             self._is_stale[places[is_changed]] = True
 
@@ -107,14 +108,14 @@ class Detail:
         everything = LabelledPoints(self._memory.points_m, self._memory.is_tumour)
         other._note_distances(everything)
         if len(self._memory.tumour_m):
-            other._is_stale[other._within(self._memory.tumour_m, self._settings.reach_m)[0]] = True
+            other._is_stale[_within(places_m, self._memory.tumour_m, self._settings.reach_m)[0]] = True
         return other.answers()
 
     def _note_tumour(self, tumour_m: NDArray[np.float64], finding_m: NDArray[np.float64]) -> None:
         """Notes labels of tumour that can be believed [m], shape (T, 3), and those of them that make findings."""
         if not len(tumour_m):
             return
-        reached = self._within(tumour_m, self._settings.reach_m)[0]
+        reached = _within(self._places_m, tumour_m, self._settings.reach_m)[0]
         self._is_stale[reached[~self._is_near[reached]]] = True
         self._is_near[reached] = True
         if self._place_tree is None:
@@ -126,7 +127,7 @@ class Detail:
         """Notes which labels are nearer to a place than all before."""
         if not len(reading.points_m):
             return
-        candidates = self._around(reading.points_m, _FAR * self._settings.doubt_m)
+        candidates = _around(self._places_m, reading.points_m, _FAR * self._settings.doubt_m)
         if not candidates.size:
             return
         # The stubs take the neighbours of many places for one.
@@ -139,36 +140,59 @@ class Detail:
         self._label_distance_m[nearer] = gap_m[is_nearer]
         self._is_nearest_tumour[nearer] = reading.is_occupied[nearest[is_nearer]]
 
-    def _around(self, points_m: NDArray[np.float64], margin_m: float) -> NDArray[np.intp]:
-        """The places in the box around some points and a margin."""
-        low_m, high_m = points_m.min(axis=0) - margin_m, points_m.max(axis=0) + margin_m
-        return np.flatnonzero(((self._places_m >= low_m) & (self._places_m <= high_m)).all(axis=1))
-
-    def _within(
-        self, points_m: NDArray[np.float64], margin_m: float
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """The places within a margin of some points, and how far they are from the nearest [m]."""
-        candidates = self._around(points_m, margin_m)
-        if not candidates.size:
-            return candidates, np.empty(0)
-        gap_m, _ = KDTree(points_m).query(self._places_m[candidates], distance_upper_bound=margin_m)
-        is_within = np.isfinite(gap_m)
-        return candidates[is_within], gap_m[is_within]
-
     def _catch_up(self) -> None:
         """Answers anew for the places whose neighbours have changed."""
         stale = np.flatnonzero(self._is_stale)
         if not stale.size:
             return
         settings = self._settings
-        distance_m, nearest = self._memory.neighbours(self._places_m[stale], settings.n_neighbours)
-        is_tumour = self._memory.is_tumour[nearest]
+        if settings.cell_m > 0.0:
+            asked_m, asked_of = np.unique(self._asked_m[stale], axis=0, return_inverse=True)
+        else:
+            asked_m, asked_of = self._places_m[stale], np.arange(len(stale))
+        distance_m, nearest = self._memory.neighbours(asked_m, settings.n_neighbours)
         is_full = distance_m.shape[1] == settings.n_neighbours
-        self._last_neighbour_m[stale] = distance_m[:, -1] if is_full else np.inf
+        self._last_neighbour_m[stale] = distance_m[asked_of, -1] if is_full else np.inf
         # A place all of whose neighbours are free is left to the coarse map, which is as sure of it.
-        is_mixed = is_tumour.any(axis=1)
+        is_mixed = self._memory.is_tumour[nearest].any(axis=1)
         self._mean[stale], self._variance[stale] = 0.0, settings.variance
-        mixed = stale[is_mixed]
+        mixed = stale[is_mixed[asked_of]]
         neighbours = self._memory.neighbours_of(nearest[is_mixed], self._rates)
-        self._mean[mixed], self._variance[mixed] = classify(self._places_m[mixed], neighbours, settings)
+        if settings.cell_m > 0.0:
+            number = np.cumsum(is_mixed) - 1
+            answers = classify_together(
+                self._places_m[mixed],
+                asked_m[is_mixed],
+                number[asked_of[is_mixed[asked_of]]],
+                neighbours,
+                settings,
+            )
+        else:
+            answers = classify(self._places_m[mixed], neighbours, settings)
+        self._mean[mixed], self._variance[mixed] = answers
         self._is_stale[stale] = False
+
+
+def _centres_m(places_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+    """The centres [m] of the cubes that places lie in; the places themselves where cubes have no size."""
+    return places_m if cell_m == 0.0 else (np.floor(places_m / cell_m) + 0.5) * cell_m
+
+
+def _around(
+    places_m: NDArray[np.float64], points_m: NDArray[np.float64], margin_m: float
+) -> NDArray[np.intp]:
+    """The places in the box around some points and a margin."""
+    low_m, high_m = points_m.min(axis=0) - margin_m, points_m.max(axis=0) + margin_m
+    return np.flatnonzero(((places_m >= low_m) & (places_m <= high_m)).all(axis=1))
+
+
+def _within(
+    places_m: NDArray[np.float64], points_m: NDArray[np.float64], margin_m: float
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The places within a margin of some points, and how far they are from the nearest [m]."""
+    candidates = _around(places_m, points_m, margin_m)
+    if not candidates.size:
+        return candidates, np.empty(0)
+    gap_m, _ = KDTree(points_m).query(places_m[candidates], distance_upper_bound=margin_m)
+    is_within = np.isfinite(gap_m)
+    return candidates[is_within], gap_m[is_within]

@@ -1,5 +1,7 @@
 """Detailed maps: small tumours kept, what was sensed never denied, doubt far away, and probabilities that hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from detailed_maps import make_coarse, make_detailed, readings
@@ -26,8 +28,8 @@ def make_large(**changes):
     return HilbertMap(hinges, settings, query=query)
 
 
-def make_large_detailed():
-    return DetailedMap(make_large())
+def make_large_detailed(detail=None):
+    return DetailedMap(make_large(), detail)
 
 
 def test_before_any_reading_it_expects_the_prevalence_everywhere():
@@ -114,8 +116,9 @@ def test_at_the_points_of_the_lattice_both_answers_agree_save_where_tumour_was_s
     np.testing.assert_allclose(on_lattice.latent_variance, anywhere.latent_variance, rtol=1e-5, atol=1e-8)
 
 
-def test_readings_asked_about_one_by_one_and_all_at_the_end_give_the_same_bytes():
-    asked_often, asked_once = make_detailed(), make_detailed()
+@pytest.mark.parametrize("settings", [DetailSettings(), DetailSettings.of_many_labels()])
+def test_readings_asked_about_one_by_one_and_all_at_the_end_give_the_same_bytes(settings):
+    asked_often, asked_once = make_detailed(detail=settings), make_detailed(detail=settings)
     for reading in readings(8):
         for each in (asked_often, asked_once):
             each.update(*reading)
@@ -205,6 +208,19 @@ def some_readings(n, *, seed=5):
         points_m = CENTRE_M + rng.uniform(-0.012, 0.012, 3) + rng.uniform(-0.025, 0.025, (400, 3))
         made.append(LabelledPoints(points_m, np.linalg.norm(points_m - CENTRE_M, axis=1) < RADIUS_M))
     return made
+
+
+def test_places_of_one_cell_are_near_those_that_ask_their_own_labels():
+    own = DetailSettings()
+    apart, together = make_large_detailed(own), make_large_detailed(replace(own, cell_m=0.0045))
+    for reading in some_readings(6):
+        for each in (apart, together):
+            each.update(reading.points_m, reading.is_occupied)
+    one, other = apart.predict_lattice().probability, together.predict_lattice().probability
+    is_mixed = (one > 0.02) & (one < 0.98)
+    assert is_mixed.sum() > 100
+    assert np.abs(one - other)[is_mixed].mean() < 0.1
+    assert np.mean((one > 0.5) == (other > 0.5)) > 0.99
 
 
 def test_readings_laid_at_once_make_the_map_that_they_make_one_after_the_other():

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from mapping import DetailSettings
-from mapping.near_tumour.local_classifier import Neighbours, classify
+from mapping.near_tumour.local_classifier import Neighbours, classify, classify_together
 
 RATES = [(0.0, 0.0), (0.05, 0.05), (0.02, 0.0)]
 
@@ -77,3 +77,41 @@ def test_a_place_has_the_same_bytes_whatever_else_is_asked_with_it():
         alone = classify(places_m[some], neighbours.part(some), settings)
         for one, other in zip(alone, together, strict=True):
             np.testing.assert_array_equal(one, other[some])
+
+
+@pytest.mark.parametrize("rates", RATES)
+def test_places_about_a_centre_have_the_posterior_of_its_neighbours(rates):
+    rng, settings = np.random.default_rng(3), DetailSettings(n_neighbours=12)
+    centres_m = rng.uniform(-0.02, 0.02, (4, 3))
+    points_m = centres_m[:, None] + rng.uniform(-0.009, 0.009, (4, 12, 3))
+    is_tumour = np.linalg.norm(points_m - points_m[:, :1], axis=2) < 0.008
+    centre_of = np.array([2, 0, 3, 3, 1, 2, 0])
+    places_m = centres_m[centre_of] + rng.uniform(-0.003, 0.003, (7, 3))
+    neighbours = Neighbours(points_m, is_tumour, *rates, 1.0)
+    mean, variance = classify_together(places_m, centres_m, centre_of, neighbours, settings)
+    for i, centre in enumerate(centre_of):
+        expected = posterior(places_m[i], points_m[centre], is_tumour[centre], settings, rates)
+        # The floor under the curvature moves a variance by up to 0.5 %.
+        np.testing.assert_allclose((mean[i], variance[i]), expected, rtol=0.006, atol=0.03)
+
+
+def test_places_about_a_centre_have_the_same_bytes_whatever_else_is_asked():
+    settings, rng = DetailSettings(), np.random.default_rng(4)
+    centres_m = rng.uniform(-0.02, 0.02, (1200, 3))
+    points_m = centres_m[:, None] + rng.uniform(-0.009, 0.009, (1200, 24, 3))
+    is_tumour = rng.random((1200, 24)) < 0.5
+    neighbours = Neighbours(points_m, is_tumour, 0.02, 0.05, 1.0)
+    centre_of = rng.integers(1200, size=3000)
+    places_m = centres_m[centre_of] + rng.uniform(-0.003, 0.003, (3000, 3))
+    together = classify_together(places_m, centres_m, centre_of, neighbours, settings)
+    at_centres = classify_together(centres_m, centres_m, np.arange(1200), neighbours, settings)
+    for one, other in zip(at_centres, classify(centres_m, neighbours, settings), strict=True):
+        # Sums of large numbers in single precision.
+        np.testing.assert_allclose(one, other, rtol=1e-3, atol=0.1)
+    some = np.flatnonzero(centre_of >= 1100)
+    last = np.arange(1100, 1200)
+    alone = classify_together(
+        places_m[some], centres_m[last], centre_of[some] - 1100, neighbours.part(last), settings
+    )
+    for one, other in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one, other[some])

@@ -13,6 +13,8 @@ from sim.bench.truths import truth_digest
 from sim.episode.scenario import SCENARIOS, Scenario
 from sim.episode.scenario_file import load_scenario
 from sim.errors import UsageError
+from sim.running.reader import ReaderConfig, reader_errors
+from sim.world.sensing.errors.published import PUBLISHED
 
 DIGESTS = {
     "sphere-v1": "5c587348347b2b14ba5429b519e4581e488ab7e52a8f2f8b4745fbcab6ea6573",
@@ -27,17 +29,19 @@ DIGESTS = {
     "spheres-arm-v1": "259ca61a99d1d80ad454fcb856c0c5ab244ca3d0c6191345f1f0afb2a114c1a4",
     "liver-arm-v1": "e666949fa8d1790d0fa80b11a2ad8ff2e581a37bc851e4113844f05033bad734",
     "generated-liver-arm-v1": "901e43579eb55950cdab302b671bb6b47968d984580049e6c5e44ea8e8685266",
+    "spheres-reader-v1": "ad52e2be639bd7b5fe058539d36bbd34b2d2356767628c010c58cdb4c935c3ff",
+    "liver-reader-v1": "ab6642e68c7f0c919caad6a2e76016872f0ed4d13a0ffb352f46f169e17359a1",
 }
 """A task whose digest changes is another task: give it another version, and leave this one as it is."""
 QUICK = ("sphere-v1", "spheres-v1")
 """Tasks whose truth is planted within a second."""
 
 
-def test_there_are_twelve_tasks_with_versions() -> None:
+def test_there_are_fourteen_tasks_with_versions() -> None:
     names = [task.name for task in all_tasks()]
-    assert len(names) == 12
+    assert len(names) == 14
     assert all(name.rpartition("-v")[2].isdecimal() for name in names)
-    assert [task.order for task in all_tasks()] == list(range(1, 13))
+    assert [task.order for task in all_tasks()] == list(range(1, 15))
 
 
 def test_no_task_has_changed_without_a_new_version() -> None:
@@ -55,6 +59,19 @@ def test_the_truth_of_a_task_has_not_changed(name) -> None:
 def test_the_truth_of_a_slow_task_has_not_changed(name) -> None:
     (task,) = named_tasks([name])
     assert truth_digest(task, task.seeds[0]) == task.truth
+
+
+def test_the_tasks_whose_reader_errs_spell_out_the_published_one() -> None:
+    numbers = {each.name for each in dataclasses.fields(ReaderConfig)} - {
+        "reader",
+        "reader_weights",
+        "shadowing",
+    }
+    for task in named_tasks(["spheres-reader-v1", "liver-reader-v1"]):
+        # Without a depth from which nothing comes back there is no number to spell out.
+        assert numbers - set(task.episode) == {"penetration_mm"}
+        given = {name: task.episode[name] for name in numbers & set(task.episode)}
+        assert reader_errors(ReaderConfig(reader="published", **given)) == PUBLISHED
 
 
 def test_another_seed_has_another_truth() -> None:

@@ -114,7 +114,7 @@ class DetailSettings:
         Both numbers for outlines were chosen on seeds from 1000 on (docs/map.md): rims that views draw apart are less
         sure than a classifier takes them for that believes the labels of different views to err independently.
         """
-        return cls(n_neighbours=48, cube_m=0.001, stray_m=0.001, sharpness=3.5, cell_m=0.0045)
+        return cls(n_neighbours=48, cube_m=0.001, stray_m=0.001, sharpness=3.5, cell_m=_CELL_M)
 
     def at_uncertain_places(self, deviation_m: float) -> DetailSettings:
         """The settings for labels that lie off by a Gaussian shift along the surface.
@@ -132,9 +132,28 @@ class DetailSettings:
         """
         difference = 2.0 * self.variance * (1.0 - 1.0 / (1.0 + (deviation_m / self.length_m) ** 2))
         kappa2 = 1.0 + np.pi / 8.0 * difference
-        return replace(
-            self, variance=self.variance / kappa2, prior_mean=self.prior_mean / float(np.sqrt(kappa2))
+        moderated = replace(
+            self,
+            variance=self.variance / kappa2,
+            prior_mean=self.prior_mean / float(np.sqrt(kappa2)),
+            cell_m=_CELL_M,
         )
+        return moderated._less_sharp(_DOUBT_AT_UNCERTAIN_PLACES * (1.0 - 1.0 / kappa2))
+
+    def under_load(self, force_n: float) -> DetailSettings:
+        """The settings where readings are taken back to an organ at rest by a model of its tissue.
+
+        What the model leaves of a load moves the labels of a view together, which the classifier takes for labels that
+        err by themselves, and the more so the harder the probe presses.
+
+        Args:
+            force_n: The force F at which the probe stops [N], at least 0.
+        """
+        return self._less_sharp(_DOUBT_UNDER_LOAD * force_n**2)
+
+    def _less_sharp(self, doubt: float) -> DetailSettings:
+        """Log odds near tumour that one more cause makes less sure: causes add up as 1 / sharpness^2."""
+        return replace(self, sharpness=(self.sharpness**-2 + doubt * DetailSettings.sharpness**-2) ** -0.5)
 
     def __post_init__(self) -> None:
         """Checks the ranges."""
@@ -150,6 +169,14 @@ class DetailSettings:
             raise ValueError(f"`n_neighbours` must be a whole number from 1 to 200, not {self.n_neighbours}")
         if not 0.0 <= self.doubt < 1.0:
             raise ValueError(f"`doubt` must lie in 0 .. 1, 1 excluded, not {self.doubt}")
+
+
+_CELL_M = 0.0045
+"""Side of the cubes whose places share their neighbours [m], where an action would otherwise take too long."""
+_DOUBT_AT_UNCERTAIN_PLACES, _DOUBT_UNDER_LOAD = 2.1, 0.9
+"""How much less sure log odds near tumour are, as a share of 1 / 4.4^2, the latter at 1 N.
+
+Both were chosen on seeds from 1000 on, so that probabilities mean what they say (docs/body.md)."""
 
 
 def _check_positive(name: str, value: float) -> None:

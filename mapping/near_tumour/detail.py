@@ -154,7 +154,7 @@ class Detail:
         is_full = distance_m.shape[1] == settings.n_neighbours
         self._last_neighbour_m[stale] = distance_m[asked_of, -1] if is_full else np.inf
         # A place all of whose neighbours are free is left to the coarse map, which is as sure of it.
-        is_mixed = self._memory.is_tumour[nearest].any(axis=1)
+        is_mixed: NDArray[np.bool_] = np.any(self._memory.is_tumour[nearest], axis=1)
         self._mean[stale], self._variance[stale] = 0.0, settings.variance
         mixed = stale[is_mixed[asked_of]]
         neighbours = self._memory.neighbours_of(nearest[is_mixed], self._rates)

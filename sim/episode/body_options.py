@@ -36,6 +36,11 @@ class BodyOptions:
     prior: RigidPrior | None = None
     """What is expected of the place; None where it is known how far plans and breaths of this kind go."""
 
+    @property
+    def yields(self) -> bool:
+        """Whether readings are taken back to an organ at rest by a model of its tissue: only where somebody asks."""
+        return self.tissue is not None and self.registration != "none"
+
     def place_deviation_m(self, depth_m: float) -> float:
         """How far labels are believed to lie off along the surface, a standard deviation [m]: 0 where nobody asks.
 

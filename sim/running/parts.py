@@ -138,7 +138,6 @@ def make_parts(
     scenario = scenario_of(config, scenario)
     speeds = motion_settings_of(config)
     body = body_of(config.body, config.moving.motion, config.arm, speeds)
-    off_m = 0.0 if body is None else body.place_deviation_m(scenario.cone_depth_m)
     trust = trust_of(config, scenario, sensor)
     return EpisodeParts(
         scenario=scenario,
@@ -146,7 +145,7 @@ def make_parts(
         sensor=sensor or sensor_of(config),
         make_map=make_map or _map_of(config, planner),
         map_settings=settings,
-        detail=detail_of(config, planner, trust, off_m),
+        detail=detail_of(config, planner, trust, body, scenario.cone_depth_m),
         trust=trust,
         arm=arm_of(config),
         probe=probe_of(config),

@@ -77,7 +77,11 @@ def map_settings_of(config: EpisodeConfig, planner: Planner) -> MapSettings:
 
 
 def detail_of(
-    config: EpisodeConfig, planner: Planner, trust: TrustSettings | None, place_deviation_m: float = 0.0
+    config: EpisodeConfig,
+    planner: Planner,
+    trust: TrustSettings | None,
+    body: BodyOptions | None,
+    depth_m: float,
 ) -> DetailSettings | None:
     """How the map answers in detail near sensed tumour; None for a plain Hilbert map.
 
@@ -85,7 +89,8 @@ def detail_of(
         config: What to run.
         planner: Prefers some settings.
         trust: How far labels are trusted; where they are not, more of them answer for a place.
-        place_deviation_m: How far labels are believed to lie off along the surface, a standard deviation [m].
+        body: What may be wrong about the body, and what is believed of it; None for a rigid organ in its known place.
+        depth_m: How deep a view reaches [m].
     """
     wanted = config.mapping.map_detail
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
@@ -94,10 +99,13 @@ def detail_of(
     settings = DetailSettings()
     if trust is not None:
         settings = DetailSettings.of_many_labels()
-    elif place_deviation_m > 0.0:
+    off_m = 0.0 if body is None else body.place_deviation_m(depth_m)
+    if trust is None and off_m > 0.0:
         # Labels that lie off are thinned out less. To ask more of them changes no map and takes four times as long.
         settings = dataclasses.replace(settings, cube_m=DetailSettings.of_many_labels().cube_m)
-    return settings if place_deviation_m == 0.0 else settings.at_uncertain_places(place_deviation_m)
+    if off_m > 0.0:
+        settings = settings.at_uncertain_places(off_m)
+    return settings if body is None or not body.yields else settings.under_load(body.press_n)
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:

@@ -259,3 +259,16 @@ def test_labels_that_are_moved_decide_near_tumour_where_they_lie_now():
     moved, fresh, old = (each.predict_lattice().score[near] for each in (detailed, anew, still))
     # A coarse map that is 1.5 mm off changes little there; labels that are as far off change much.
     assert np.abs(moved - fresh).max() < 0.3 * np.abs(old - fresh).max()
+
+
+def test_causes_that_make_rims_less_sure_add_up_whatever_their_order():
+    plain = DetailSettings()
+    assert plain.under_load(0.0).sharpness == pytest.approx(plain.sharpness)
+    assert plain.at_uncertain_places(0.0).sharpness == pytest.approx(plain.sharpness)
+    loads = [plain.under_load(force_n).sharpness for force_n in (0.5, 1.0, 2.0, 4.0)]
+    assert loads == sorted(loads, reverse=True)
+    one = plain.at_uncertain_places(0.003).under_load(1.0)
+    assert one.under_load(0.0).sharpness == pytest.approx(one.sharpness)
+    alone = [each.sharpness**-2 for each in (plain.at_uncertain_places(0.003), plain.under_load(1.0))]
+    assert one.sharpness**-2 == pytest.approx(sum(alone) - plain.sharpness**-2)
+    assert plain.under_load(1.0).at_uncertain_places(0.003).sharpness == pytest.approx(one.sharpness)

@@ -46,6 +46,18 @@ def test_options_become_settings_in_si_units() -> None:
     assert elastic.tissue.youngs_modulus_pa == pytest.approx(4000.0)
 
 
+def test_the_map_is_as_sure_of_rims_as_the_body_lets_it() -> None:
+    def sharpness(**options):
+        return make_parts(config_of(FREE | {"map_settings": "calibrated"}, **options)).detail.sharpness
+
+    plain = sharpness()
+    assert sharpness(registration_mm=8.0) == plain
+    assert sharpness(tissue="elastic", register="none") == plain
+    loads = [sharpness(tissue="elastic", press_n=force_n) for force_n in (0.5, 1.0, 3.0)]
+    assert plain > loads[0] > loads[1] > loads[2]
+    assert plain > sharpness(tracking_mm=1.0) > sharpness(tracking_mm=1.0, tissue="elastic", press_n=1.0)
+
+
 def test_a_force_is_pressed_with_where_servos_are_told_one() -> None:
     def forces_n(**options):
         parts = make_parts(config_of(FREE | options))

@@ -63,6 +63,10 @@ class Options:
     """Number of seeds of small lesions in hard places with nothing told, the case that is meant to fail."""
     few_seeds: int = 40
     """Number of seeds of the other cases."""
+    cases: tuple[str, ...] = tuple(CASES)
+    """Cases that are run."""
+    rules: tuple[str, ...] = RULES
+    """Rules by which they are stopped."""
     steps: int = 150
     """Largest number of sensing actions."""
     confidence: float = 0.95
@@ -155,6 +159,7 @@ def jobs_of(options: Options) -> list[Job]:
         for seed in range(options.first, options.first + max(n_seeds.values()))
         for case, (_, prior) in CASES.items()
         for rule in RULES
+        if case in options.cases and rule in options.rules
         if seed < options.first + n_seeds[case] and (rule == "cost" or prior == LesionPrior())
     ]
 
@@ -182,6 +187,25 @@ def stop_table(rows: dict[tuple[str, str], list[dict[str, Any]]], options: Optio
             mean_text([row["n_steps"] + options.miss_cost * row["n_missed"] for row in some], "{:.0f}"),
         ])  # fmt: skip
     return markdown_table(head, lines)
+
+
+def fixed_table(some: list[dict[str, Any]], miss_cost: float) -> str:
+    """What episodes cost that end after a number of actions that was fixed before, and such as end when it is best.
+
+    Later than an episode of the rule by confidence went on, as little is missed as at its end.
+    """
+    ends = range(EVERY, EVERY * max(len(row["stated"]) for row in some) + 1, EVERY)
+    missed = np.array([
+        [row["stated"][min(end // EVERY, len(row["stated"])) - 1]["left"] for end in ends] for row in some
+    ])  # fmt: skip
+    cost = np.array(ends) + miss_cost * missed
+    lines = [
+        [str(end), mean_text([*missed[:, i]]), mean_text([*cost[:, i]], "{:.0f}")]
+        for i, end in enumerate(ends)
+    ]
+    best = np.array(ends)[cost.argmin(axis=1)]
+    lines.append([f"{best.mean():.0f}, each its best", "", mean_text([*cost.min(axis=1)], "{:.0f}")])
+    return markdown_table(("actions", "missed", "cost"), lines)
 
 
 def calibration_table(some: list[dict[str, Any]], key: str) -> str:
@@ -240,6 +264,7 @@ def main(options: Options) -> None:
         if rule == "confidence":
             print(f"\n{case}: {count_text(some)}\n\nP(none left)\n{calibration_table(some, 'none')}")
             print(f"\nC^(k+1) for radii of 4 mm\n{calibration_table(some, 'confidence')}")
+            print(f"\nEnding after a number of actions\n{fixed_table(some, options.miss_cost)}")
 
 
 if __name__ == "__main__":

@@ -130,30 +130,34 @@ class DetailSettings:
         Args:
             deviation_m: The standard deviation sigma [m], at least 0.
         """
-        difference = 2.0 * self.variance * (1.0 - 1.0 / (1.0 + (deviation_m / self.length_m) ** 2))
-        kappa2 = 1.0 + np.pi / 8.0 * difference
-        moderated = replace(
+        kappa2 = self._moderation2(deviation_m)
+        return replace(
             self,
             variance=self.variance / kappa2,
             prior_mean=self.prior_mean / float(np.sqrt(kappa2)),
             cell_m=_CELL_M,
         )
-        return moderated._less_sharp(_DOUBT_AT_UNCERTAIN_PLACES * (1.0 - 1.0 / kappa2))
 
-    def under_load(self, force_n: float) -> DetailSettings:
-        """The settings where readings are taken back to an organ at rest by a model of its tissue.
+    def where_views_are_off(self, deviation_m: float, force_n: float = 0.0) -> DetailSettings:
+        """The settings where the labels of a view are off together, and are taken to err each by itself if at all.
 
-        What the model leaves of a load moves the labels of a view together, which the classifier takes for labels that
-        err by themselves, and the more so the harder the probe presses.
+        Log odds near tumour are then too sure. Causes add up: with the kappa of `at_uncertain_places` and a force F,
+
+            sharpness = 4.4 / sqrt(1 + 2.1 (1 - 1 / kappa^2) + 0.9 (F / 1 N)^2).
 
         Args:
-            force_n: The force F at which the probe stops [N], at least 0.
+            deviation_m: By how much places are off along the surface, a standard deviation [m], at least 0.
+            force_n: The force [N] of the press that a model of tissue takes readings back from; 0 on a rigid organ.
         """
-        return self._less_sharp(_DOUBT_UNDER_LOAD * force_n**2)
+        of_place = _DOUBT_AT_UNCERTAIN_PLACES * (1.0 - 1.0 / self._moderation2(deviation_m))
+        return replace(
+            self, sharpness=self.sharpness / float(np.sqrt(1.0 + of_place + _DOUBT_UNDER_LOAD * force_n**2))
+        )
 
-    def _less_sharp(self, doubt: float) -> DetailSettings:
-        """Log odds near tumour that one more cause makes less sure: causes add up as 1 / sharpness^2."""
-        return replace(self, sharpness=(self.sharpness**-2 + doubt * DetailSettings.sharpness**-2) ** -0.5)
+    def _moderation2(self, deviation_m: float) -> float:
+        """kappa^2 of `at_uncertain_places`."""
+        difference = 2.0 * self.variance * (1.0 - 1.0 / (1.0 + (deviation_m / self.length_m) ** 2))
+        return 1.0 + float(np.pi) / 8.0 * difference
 
     def __post_init__(self) -> None:
         """Checks the ranges."""

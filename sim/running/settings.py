@@ -96,16 +96,16 @@ def detail_of(
     is_on = _map_name(config, planner) != "paper" if wanted is None else wanted == "on"
     if not is_on:
         return None
-    settings = DetailSettings()
+    off_m = 0.0 if body is None else body.place_deviation_m(depth_m)
     if trust is not None:
         settings = DetailSettings.of_many_labels()
-    off_m = 0.0 if body is None else body.place_deviation_m(depth_m)
-    if trust is None and off_m > 0.0:
-        # Labels that lie off are thinned out less. To ask more of them changes no map and takes four times as long.
-        settings = dataclasses.replace(settings, cube_m=DetailSettings.of_many_labels().cube_m)
-    if off_m > 0.0:
-        settings = settings.at_uncertain_places(off_m)
-    return settings if body is None or not body.yields else settings.under_load(body.press_n)
+    else:
+        force_n = body.press_n if body is not None and body.yields else 0.0
+        settings = DetailSettings().where_views_are_off(off_m, force_n)
+        if off_m > 0.0:
+            # Labels that lie off are thinned out less. To ask more of them changes no map and takes four times as long.
+            settings = dataclasses.replace(settings, cube_m=DetailSettings.of_many_labels().cube_m)
+    return settings if off_m == 0.0 else settings.at_uncertain_places(off_m)
 
 
 def motion_settings_of(config: EpisodeConfig) -> MotionSettings:

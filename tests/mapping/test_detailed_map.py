@@ -261,14 +261,13 @@ def test_labels_that_are_moved_decide_near_tumour_where_they_lie_now():
     assert np.abs(moved - fresh).max() < 0.3 * np.abs(old - fresh).max()
 
 
-def test_causes_that_make_rims_less_sure_add_up_whatever_their_order():
+def test_causes_that_make_rims_less_sure_add_up():
     plain = DetailSettings()
-    assert plain.under_load(0.0).sharpness == pytest.approx(plain.sharpness)
-    assert plain.at_uncertain_places(0.0).sharpness == pytest.approx(plain.sharpness)
-    loads = [plain.under_load(force_n).sharpness for force_n in (0.5, 1.0, 2.0, 4.0)]
-    assert loads == sorted(loads, reverse=True)
-    one = plain.at_uncertain_places(0.003).under_load(1.0)
-    assert one.under_load(0.0).sharpness == pytest.approx(one.sharpness)
-    alone = [each.sharpness**-2 for each in (plain.at_uncertain_places(0.003), plain.under_load(1.0))]
-    assert one.sharpness**-2 == pytest.approx(sum(alone) - plain.sharpness**-2)
-    assert plain.under_load(1.0).at_uncertain_places(0.003).sharpness == pytest.approx(one.sharpness)
+    assert plain.where_views_are_off(0.0) == plain
+
+    def doubt(*off):
+        return (plain.sharpness / plain.where_views_are_off(*off).sharpness) ** 2 - 1.0
+
+    assert doubt(0.003, 1.0) == pytest.approx(doubt(0.003) + doubt(0.0, 1.0))
+    assert doubt(0.0, 3.0) == pytest.approx(9.0 * doubt(0.0, 1.0))
+    assert 0.0 < doubt(0.0005) < doubt(0.001) < doubt(0.003)

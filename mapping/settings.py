@@ -138,21 +138,27 @@ class DetailSettings:
             cell_m=_CELL_M,
         )
 
-    def where_views_are_off(self, deviation_m: float, force_n: float = 0.0) -> DetailSettings:
-        """The settings where the labels of a view are off together, and are taken to err each by itself if at all.
+    def where_views_are_off(
+        self, deviation_m: float, force_n: float = 0.0, *, counts_views: bool = False
+    ) -> DetailSettings:
+        """The settings where the labels of a view are off together.
 
-        Log odds near tumour are then too sure. Causes add up: with the kappa of `at_uncertain_places` and a force F,
+        Log odds near tumour are too sure then. Causes add up: with the kappa of `at_uncertain_places` and a force F
+        sharpness is divided by
 
-            sharpness = 4.4 / sqrt(1 + 2.1 (1 - 1 / kappa^2) + 0.9 (F / 1 N)^2).
+            sqrt(1 + c (2.1 (1 - 1 / kappa^2) + 0.9 (F / 1 N)^2)),
+
+        where c is 1, or a quarter if labels of one view count for one already.
 
         Args:
             deviation_m: By how much places are off along the surface, a standard deviation [m], at least 0.
             force_n: The force [N] of the press that a model of tissue takes readings back from; 0 on a rigid organ.
+            counts_views: Whether labels of one view count for one, as they do with a reader that errs.
         """
         of_place = _DOUBT_AT_UNCERTAIN_PLACES * (1.0 - 1.0 / self._moderation2(deviation_m))
-        return replace(
-            self, sharpness=self.sharpness / float(np.sqrt(1.0 + of_place + _DOUBT_UNDER_LOAD * force_n**2))
-        )
+        share = _SHARE_WHERE_VIEWS_COUNT if counts_views else 1.0
+        doubt = share * (of_place + _DOUBT_UNDER_LOAD * force_n**2)
+        return replace(self, sharpness=self.sharpness / float(np.sqrt(1.0 + doubt)))
 
     def _moderation2(self, deviation_m: float) -> float:
         """kappa^2 of `at_uncertain_places`."""
@@ -178,9 +184,11 @@ class DetailSettings:
 _CELL_M = 0.0045
 """Side of the cubes whose places share their neighbours [m], where an action would otherwise take too long."""
 _DOUBT_AT_UNCERTAIN_PLACES, _DOUBT_UNDER_LOAD = 2.1, 0.9
-"""How much less sure log odds near tumour are, as a share of 1 / 4.4^2, the latter at 1 N.
+"""How much less sure log odds near tumour are, the latter at 1 N."""
+_SHARE_WHERE_VIEWS_COUNT = 0.25
+"""The share of it that is left where labels of one view count for one.
 
-Both were chosen on seeds from 1000 on, so that probabilities mean what they say (docs/body.md)."""
+All three were chosen on seeds from 1000 on, so that probabilities mean what they say (docs/body.md)."""
 
 
 def _check_positive(name: str, value: float) -> None:

@@ -270,4 +270,6 @@ def test_causes_that_make_rims_less_sure_add_up():
 
     assert doubt(0.003, 1.0) == pytest.approx(doubt(0.003) + doubt(0.0, 1.0))
     assert doubt(0.0, 3.0) == pytest.approx(9.0 * doubt(0.0, 1.0))
+    counted = plain.where_views_are_off(0.003, 1.0, counts_views=True).sharpness
+    assert plain.where_views_are_off(0.003, 1.0).sharpness < counted < plain.sharpness
     assert 0.0 < doubt(0.0005) < doubt(0.001) < doubt(0.003)

@@ -194,6 +194,7 @@ def fixed_table(some: list[dict[str, Any]], miss_cost: float) -> str:
 
     Later than an episode of the rule by confidence went on, as little is missed as at its end.
     """
+    some = [row for row in some if row["stated"]]
     ends = range(EVERY, EVERY * max(len(row["stated"]) for row in some) + 1, EVERY)
     missed = np.array([
         [row["stated"][min(end // EVERY, len(row["stated"])) - 1]["left"] for end in ends] for row in some

@@ -114,7 +114,7 @@ class DetailSettings:
         Both numbers for outlines were chosen on seeds from 1000 on (docs/map.md): rims that views draw apart are less
         sure than a classifier takes them for that believes the labels of different views to err independently.
         """
-        return cls(n_neighbours=48, cube_m=0.001, stray_m=0.001, sharpness=3.5, cell_m=_CELL_M)
+        return cls(n_neighbours=48, cube_m=_FINE_CUBE_M, stray_m=0.001, sharpness=3.5, cell_m=_CELL_M)
 
     def at_uncertain_places(self, deviation_m: float) -> DetailSettings:
         """The settings for labels that lie off by a Gaussian shift along the surface.
@@ -125,7 +125,8 @@ class DetailSettings:
 
         for a shift e of the deviation sigma along each of two directions. A label there then tells of f as one of the
         latent f / kappa would that lies where it is said to, kappa^2 = 1 + pi D / 8 (MacKay, Neural Computation 4(5),
-        1992, on moderated outputs; McHutchon and Rasmussen, NIPS 2011, on inputs with noise).
+        1992, on moderated outputs; McHutchon and Rasmussen, NIPS 2011, on inputs with noise). Such labels are thinned
+        out less, and places of one cube share them. To ask more of them changes no map and takes four times as long.
 
         Args:
             deviation_m: The standard deviation sigma [m], at least 0.
@@ -135,6 +136,7 @@ class DetailSettings:
             self,
             variance=self.variance / kappa2,
             prior_mean=self.prior_mean / float(np.sqrt(kappa2)),
+            cube_m=_FINE_CUBE_M,
             cell_m=_CELL_M,
         )
 
@@ -181,6 +183,8 @@ class DetailSettings:
             raise ValueError(f"`doubt` must lie in 0 .. 1, 1 excluded, not {self.doubt}")
 
 
+_FINE_CUBE_M = 0.001
+"""Side of the cubes by which labels are thinned out that may be wrong, or lie elsewhere [m]."""
 _CELL_M = 0.0045
 """Side of the cubes whose places share their neighbours [m], where an action would otherwise take too long."""
 _DOUBT_AT_UNCERTAIN_PLACES, _DOUBT_UNDER_LOAD = 2.1, 0.9

@@ -27,12 +27,13 @@ _BLOCK = 1024
 _N_ROUNDS = 7
 """Rounds of Newton's method; from where it begins, this many bring the mode to a hundredth (tests/mapping)."""
 _N_ROUNDS_IN_DOUBT = 40
-"""The most rounds where labels may be wrong; most places have settled after ten."""
+"""The most rounds where labels may be wrong; a place that has settled takes no more."""
 _FIRST_SHARE = 0.4
 """There, share of a round's step that is made at first: whole ones would go back and forth between modes."""
 _GROWTH, _CUT = 1.25, 0.5
 """Factors of that share after a step that goes on as the one before did, and after one that turns back."""
 _LEAST_SHARE = 0.1
+"""That share falls no further, so that a place still gets to its mode."""
 _SETTLED = 0.01
 """A place whose latent two rounds in a row moved by less than this has settled."""
 _FIRST_LATENT = (-8.0, 4.0)

@@ -98,14 +98,8 @@ def detail_of(
         return None
     off_m = 0.0 if body is None else body.place_deviation_m(depth_m)
     force_n = body.press_n if body is not None and body.yields else 0.0
-    many = DetailSettings.of_many_labels()
-    if trust is not None:
-        settings = many.where_views_are_off(off_m, force_n, counts_views=True)
-    else:
-        settings = DetailSettings().where_views_are_off(off_m, force_n)
-        if off_m > 0.0:
-            # Labels that lie off are thinned out less. To ask more of them changes no map and takes four times as long.
-            settings = dataclasses.replace(settings, cube_m=many.cube_m)
+    settings = DetailSettings() if trust is None else DetailSettings.of_many_labels()
+    settings = settings.where_views_are_off(off_m, force_n, counts_views=trust is not None)
     return settings if off_m == 0.0 else settings.at_uncertain_places(off_m)
 
 
